@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_programs.core.errors import InputError
 from robot_programs.core.program import Frame, Motion, Program
 from robot_programs.languages import language_of
 from robot_programs.reading import read_program
+from taskcal_groundwork.errors import InputError
 
 
 def lines_of(program: Program) -> Iterator[str]:

@@ -10,20 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
-from robot_programs.core.errors import FileError, shown
-from robot_programs.core.files import ZIP, ZipKind, open_zip, read_bytes
 from robot_programs.core.source import Backup, Source
-from robot_programs.core.writing import (
-    PART,
-    Laid,
-    beside,
-    discard,
-    finish_writing,
-    remove_strays,
-    sync,
-    umask,
-)
 from robot_programs.languages import LANGUAGES, Language
+from taskcal_groundwork.errors import FileError, shown
+from taskcal_groundwork.files import ZIP, ZipKind, open_zip, read_bytes
+from taskcal_groundwork.writing import PART, Laid, beside, discard, finish_writing, remove_strays, sync, umask
 
 # What is taken for a backup: a folder, or a zip file.
 
@@ -99,10 +90,8 @@ def check_place(backup: Backup, out: Path) -> None:
     folder = backup.path.is_dir()
     finish_writing(out.resolve().parent)
     if folder == (out.suffix.lower() == ZIP):
-        what = (
-            "a folder, and the corrected one is one too" if folder else "a zip file, and the corrected one is one too"
-        )
-        raise FileError(out, f"is of another kind than what is read: {backup.path} is {what}")
+        what = f"{backup.path} is {'a folder' if folder else 'a zip file'}, and the corrected one is one too"
+        raise FileError(out, f"is of another kind than what is read: {what}")
     if out.exists() and not (folder and out.is_dir() and not any(out.iterdir())):
         raise FileError(out, "exists already; name a folder or a zip file that does not")
     if folder and backup.path.resolve() in (out.resolve(), *out.resolve().parents):
@@ -171,10 +160,8 @@ def open_backup(path: str | Path) -> tuple[Backup, tuple[Source, ...]]:
         if source is not None and language is not None and language.holds(source):
             found.setdefault(language.name, []).append(source)
     if not found:
-        suffixes = " ".join(
-            suffix for language in LANGUAGES for suffix in language.suffixes if suffix not in _NO_PROGRAMS
-        )
-        raise FileError(path, f"holds no robot program among its {len(files)} files; known are {suffixes}")
+        known = [suffix for language in LANGUAGES for suffix in language.suffixes if suffix not in _NO_PROGRAMS]
+        raise FileError(path, f"holds no robot program among its {len(files)} files; known are {' '.join(known)}")
     if len(found) > 1:
         counts = ", ".join(f"{len(sources)} of {name}" for name, sources in found.items())
         raise FileError(path, f"holds programs of several languages ({counts}); give the folder or the files of one")
@@ -192,14 +179,13 @@ def _loaded(path: Path, sources: Sequence[Source]) -> list[Source]:
     """
     places = [source.path.relative_to(path).parts for source in sources]
     backups = {parts[:i] for parts in places for i, part in enumerate(parts[:-1]) if part.upper() == _TASKS}
-
-    def is_beside(parts: tuple[str, ...]) -> bool:
-        return any(
-            parts[: len(top)] == top and len(parts) > len(top) + 1 and parts[len(top)].upper() not in (_TASKS, "SYSPAR")
-            for top in backups
-        )
-
-    return [source for source, parts in zip(sources, places, strict=True) if not is_beside(parts)]
+    drafts = {
+        parts
+        for parts in places
+        for top in backups
+        if parts[: len(top)] == top and len(parts) > len(top) + 1 and parts[len(top)].upper() not in (_TASKS, "SYSPAR")
+    }
+    return [source for source, parts in zip(sources, places, strict=True) if parts not in drafts]
 
 
 def _refuse_several_tasks(path: Path, sources: Sequence[Source]) -> None:
@@ -217,18 +203,16 @@ def _refuse_several_tasks(path: Path, sources: Sequence[Source]) -> None:
             tasks[parts[above[-1] + 1]] += 1
     if len(tasks) > 1:
         names = ", ".join(f"{task} ({count} modules)" for task, count in sorted(tasks.items()))
-        raise FileError(
-            path,
-            f"holds {len(tasks)} tasks: {names}; each is a program of its own: give the folder of one, with MOC.cfg",
+        message = (
+            f"holds {len(tasks)} tasks: {names}; each is a program of its own: give the folder of one, with MOC.cfg"
         )
+        raise FileError(path, message)
     for source in sources:
         for match in _MODULE.finditer(source.text):
             other = modules.setdefault(match[1].lower(), source)
             if other is not source:
-                raise FileError(
-                    source.path,
-                    f"has the module {match[1]}, as {other.path} has; give the folder or the files of one program",
-                )
+                message = f"has the module {match[1]}, as {other.path} has; give the folder or the files of one program"
+                raise FileError(source.path, message)
 
 
 def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
@@ -256,7 +240,7 @@ def _files_of(folder: Path) -> Iterator[tuple[str, Path]]:
 def _sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
     """Language and text of every file in a folder or a zip file; of what is no program neither."""
     total = 0
-    for place, read in _folder_files(path) if path.is_dir() else _zip_files(path):
+    for place, read in _readers(path):
         suffix = place.suffix.lower()
         language = next((one for one in LANGUAGES if suffix in one.suffixes and suffix not in _NO_PROGRAMS), None)
         if language is None:
@@ -270,12 +254,11 @@ def _sources(path: Path) -> Iterator[tuple[Language | None, Source | None]]:
         yield language, Source.of(place, data)
 
 
-def _folder_files(folder: Path) -> Iterator[tuple[Path, Callable[[], bytes]]]:
-    for _, path in _files_of(folder):
-        yield path, partial(read_bytes, path, MAX_PROGRAM_MB)
-
-
-def _zip_files(path: Path) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+def _readers(path: Path) -> Iterator[tuple[Path, Callable[[], bytes]]]:
+    """Path of every file in a folder or a zip file, and what reads it."""
+    if path.is_dir():
+        yield from ((own, partial(read_bytes, own, MAX_PROGRAM_MB)) for _, own in _files_of(path))
+        return
     with open_zip(path, ZIPPED) as packed:
         for entry in packed.entries:
             if entry.is_link:

@@ -2,52 +2,41 @@
 
 import warnings
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from robot_programs.core.errors import FileError
 from robot_programs.core.program import NUMBER, LiteralForm, Program
 from robot_programs.core.program import Composition as Composition
 from robot_programs.core.program import Language as Language
 from robot_programs.core.program import Surroundings as Surroundings
 from robot_programs.core.source import Source
+from taskcal_groundwork.errors import FileError
 
 # A language is imported when a file of it is met.
 
 
+def _called(function: str, *given: Any, **named: Any) -> Any:
+    """What a function gives that is named by its module and name."""
+    module, _, name = function.partition(":")
+    return getattr(import_module(f"robot_programs.{module}"), name)(*given, **named)
+
+
 def _reader(function: str, *given: str) -> Callable[[tuple[Source, ...], Surroundings], Program]:
-    """The reader of a language.
-
-    Args:
-        function: its module and name.
-        given: fields of the surroundings that it takes.
-    """
-
-    def read(sources: tuple[Source, ...], surroundings: Surroundings) -> Program:
-        return _loaded(function)(sources, **{name: getattr(surroundings, name) for name in given})
-
-    return read
+    """The reader of a language, which takes some fields of the surroundings."""
+    return lambda sources, around: _called(function, sources, **{name: getattr(around, name) for name in given})
 
 
 def _composer(function: str) -> Callable[[Composition], Source]:
-    def compose(program: Composition) -> Source:
-        return _loaded(function)(program)
-
-    return compose
-
-
-def _loaded(function: str) -> Any:
-    module, _, name = function.partition(":")
-    return getattr(import_module(f"robot_programs.{module}"), name)
+    return partial(_called, function)
 
 
 def _form(poses: str, pattern: str, unless: str = "") -> LiteralForm:
     """The commonest form of a motion in a language; ``(#)`` stands for a number of its target."""
     text = pattern.replace("(#)", f"({NUMBER})").replace(" ", r"[ \t]*")
-    return LiteralForm(pattern=text, poses=lambda rows, like: _loaded(poses)(rows, like), unless=unless)
+    return LiteralForm(pattern=text, poses=partial(_called, poses), unless=unless)
 
 
 _OWN = (
@@ -59,7 +48,7 @@ _OWN = (
         composed=(".mod", ".prg", ".modx"),
         declares_frames=True,
         has_logic=True,
-        marks=r"^\s*MODULE\b|\A\ufeff?\s*MOC:CFG_",
+        marks=r"^[^\S\n]*+MODULE\b|\A\ufeff?\s*MOC:CFG_",
         base_file="MOC.cfg",
         form=_form(
             "rapid.resolve:literal_poses",
@@ -74,7 +63,7 @@ _OWN = (
         composed=(".src",),
         declares_frames=True,
         has_logic=True,
-        marks=r"^\s*(GLOBAL\s+)?DEF(FCT|DAT)?\b",
+        marks=r"^[^\S\n]*+(GLOBAL\s+)?DEF(FCT|DAT)?\b",
         base_file="$machine.dat",
         takes_data=True,
         form=_form(
@@ -85,10 +74,10 @@ _OWN = (
     Language(
         name="TP",
         suffixes=(".ls", ".va"),
-        read=_reader("tp.read:read_tp", "robot", "tool", "part"),
+        read=_reader("tp.read:read_tp", "robot", "tool", "part", "tools", "parts"),
         compose=_composer("tp.rewrite:compose_tp"),
         composed=(".ls",),
-        marks=r"^\s*/POS\b|^\s*\[\*",
+        marks=r"^[^\S\n]*+/POS\b|^[^\S\n]*+\[\*",
         declares_frames=False,
         has_logic=True,
     ),
@@ -98,9 +87,10 @@ _OWN = (
         read=_reader("urscript.read:read_urscript", "robot", "tool", "part"),
         compose=_composer("urscript.rewrite:compose_urscript"),
         composed=(".script",),
-        marks=r"^\s*(def|sec)\s+\w+\s*\(|^\s*move[jlpc]\s*\(",
+        marks=r"^[^\S\n]*+(def|sec)\s+\w+\s*\(|^[^\S\n]*+move[jlpc]\s*\(",
         declares_frames=False,
         has_logic=True,
+        controller_kinematics="calibration.conf of the controller, or a program saved on it (.urp)",
         form=_form(
             "urscript.values:literal_poses",
             r"move[jlp] \( p \[ (#) , (#) , (#) , (#) , (#) , (#) \][\w.,=\t\x20-]*\)",
@@ -111,10 +101,10 @@ _OWN = (
         suffixes=(".apt", ".aptsource", ".cls", ".clsf", ".cl", ".ncl"),
         read=_reader("apt.read:read_apt", "robot", "tool", "part", "tools"),
         compose=None,
-        marks=r"^\s*(GOTO|TLON|LOADTL|LOAD|FEDRAT|RAPID|PARTNO|TOOL PATH|MULTAX|CUTTER)\b",
+        marks=r"^[^\S\n]*+(GOTO|TLON|LOADTL|LOAD|FEDRAT|RAPID|PARTNO|TOOL PATH|MULTAX|CUTTER)\b",
         declares_frames=False,
         # with other frames the tool's axis tells in which a point is counted
-        form=_form("apt.read:literal_poses", "GOTO / (#) , (#) , (#)(?: , (#) , (#) , (#))?", unless=r"^\s*CSYS"),
+        form=_form("apt.read:literal_poses", "GOTO / (#) , (#) , (#)(?: , (#) , (#) , (#))?", unless=r"^[^\S\n]*+CSYS"),
     ),
     Language(
         name="CSV",
@@ -125,6 +115,9 @@ _OWN = (
         declares_frames=False,
     ),
 )
+
+POLYSCOPE = ".urp"
+"""Suffix of compressed programs of Universal Robots' panel, which holds their URScript in a file beside each."""
 
 GROUP = "robot_programs.languages"
 """Entry points of other packages, a `Language` each."""
@@ -175,5 +168,11 @@ def language_of(path: Path) -> Language:
     for language in languages():
         if path.suffix.lower() in language.suffixes:
             return language
+    if path.suffix.lower() == POLYSCOPE:
+        beside = [text for suffix in (".script", ".txt") if (text := path.with_suffix(suffix)).is_file()]
+        name = beside[0].name if beside else path.with_suffix(".script").name
+        where = "which stands beside it" if beside else "which PolyScope writes beside it when the program is saved"
+        renamed = ", renamed to .script" if name.endswith(".txt") else ""
+        raise FileError(path, f"is PolyScope's own form of a program; pass its text, {name}, {where}{renamed}")
     known = "; ".join([*(f"{language.name}: {' '.join(language.suffixes)}" for language in languages()), *_FAULTS])
     raise FileError(path, f"has no suffix of a robot program; known are {known}")

@@ -10,14 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.backup import lay_backup, open_backup
-from robot_programs.core.errors import FileError, InputError, WrongKind, shown
-from robot_programs.core.files import is_backup
 from robot_programs.core.folded import read_folded
 from robot_programs.core.program import Frame, Motion, Program, Target, missing_names
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Backup, Place, Source, read_source
-from robot_programs.core.writing import Laid, write_together
 from robot_programs.languages import COMPOSED, Composition, Surroundings, language_of
+from taskcal_groundwork.errors import FileError, InputError, WrongKind, shown
+from taskcal_groundwork.files import is_backup
+from taskcal_groundwork.writing import Laid, write_together
 
 
 def read_program(
@@ -51,10 +51,7 @@ def read_program(
         FileError: a file is missing, or is not a program; of a CSV: it cannot be read as a path.
         InputError: no file, several languages, or a tool where the program says its own; data that are no values of the language.
     """
-    _expect_kinds(paths, robot=robot, tool=tool, part=part)
-    for name, given, of in (("tools", tools, "Frames"), ("parts", parts, "Frames"), ("data", data, "texts")):
-        if given is not None and not isinstance(given, Mapping):
-            raise WrongKind(f"{name} is {shown(repr(given))}, not a dictionary of {of} by their names in the program")
+    _expect_kinds(paths, robot=robot, tool=tool, part=part, tools=tools, parts=parts, data=data)
     files = [Path(path) for path in paths]
     if not files:
         raise InputError("no program was given; name its files")
@@ -73,9 +70,12 @@ def read_program(
 
 
 _KINDS: dict[str, tuple[type, str]] = {
-    "robot": (Robot, 'load_robot("my-robot.toml") loads one'),
-    "tool": (Frame, "Frame(name=…, T=…) is one"),
-    "part": (Frame, "Frame(name=…, T=…) is one"),
+    "robot": (Robot, 'a Robot: load_robot("my-robot.toml") loads one'),
+    "tool": (Frame, "a Frame: Frame(name=…, T=…) is one"),
+    "part": (Frame, "a Frame: Frame(name=…, T=…) is one"),
+    "tools": (Mapping, "a dictionary of Frames by their names in the program"),
+    "parts": (Mapping, "a dictionary of Frames by their names in the program"),
+    "data": (Mapping, "a dictionary of texts by their names in the program"),
 }
 """What arguments are, and where one comes from."""
 
@@ -91,11 +91,11 @@ def _expect_kinds(paths: Sequence[object], **arguments: object) -> None:
             given = shown(repr(path)) if isinstance(path, int | float) else type(path).__name__
             raise WrongKind(f"a path is {given}, not text or a Path; name the program's files")
     for name, value in arguments.items():
-        kind, made_by = _KINDS[name]
+        kind, needed = _KINDS[name]
         if value is not None and not isinstance(value, kind):
             article = "an" if type(value).__name__[0] in "AEIOU" else "a"
             given = shown(repr(value)) if isinstance(value, str | int | float) else f"{article} {type(value).__name__}"
-            raise WrongKind(f"{name} is {given}, not a {kind.__name__}: {made_by}")
+            raise WrongKind(f"{name} is {given}, not {needed}")
 
 
 def _check_language(paths: Sequence[Path], *, frames: bool) -> None:

@@ -3,38 +3,52 @@
 A measurement of two minutes, not a test. The folder holds ``rapid``, ``krl`` and ``apt`` with a folder for each repository, as
 `shared/data/programs` does. The share that is written is counted a second time with all that no file declares supplied, as a cell
 file would state it: tools at the flange, parts in the base, the same point for all points. With ``why`` the reasons of what stays
-are counted, too; with ``each`` a line for each program.
+are counted, too; with ``each`` a line for each program. One generated file holds as many motions as hundreds of others, so that the
+mean over the repositories is stated as well.
 """
 
 import re
 import sys
+from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.apt.syntax import parse as parse_apt
-from robot_programs.core.errors import InputError
-from robot_programs.core.program import Frame, Motion, Program, Visit, Waypoint, keep_together, missing_from
+from robot_programs.core.plan import Wanted, plan
+from robot_programs.core.program import MAX_JOINTS, Frame, Motion, Program, Target, Waypoint, missing_from
 from robot_programs.core.source import Place, Source, read_source
-from robot_programs.krl.data import BUILT_IN
-from robot_programs.krl.syntax import lines_of_words
-from robot_programs.krl.values import HERE
-from robot_programs.languages import LANGUAGES
-from robot_programs.rapid.syntax import tokenize
+from robot_programs.languages import LANGUAGES, language_of
 from robot_programs.reading import parse_program
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.robot import Robot
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import InputError
 
-RAPID_MOTION = re.compile(r"move(l|j|c|absj|extj)(do|ao|go|sync)?|trigg[ljc](ios)?|search[lc]|arc[lc](start|end)?[12]?")
-KRL_MOTION = re.compile(r"S?(PTP|LIN|CIRC)(_REL)?|SPL(_REL)?")
-APT_MOTIONS = ("GOTO", "GODLTA", "TLON", "GOHOME")
+NO_STATEMENT = {
+    "RAPID": r'"[^"\n]*"|!.*|\b(?:PROC|FUNC|TRAP|LOCAL)\s+\w+|\bENDMODULE\b(?![\s\S]*\bENDMODULE\b)[\s\S]*',
+    "URScript": r'"[^"\n]*"|#.*|\bdef\s+\w+',
+}
+"""What looks like instructions and is none: strings, comments, heads of routines, and what stands behind a program."""
+
+MOTION = {
+    "RAPID": r"(?<![\w.\\])(?:Move(?:L|J|C|AbsJ|ExtJ)(?:DO|AO|GO|Sync)?|Trigg[LJC](?:IOs)?|Search[LC]|Arc[LC](?:Start|End)?[12]?)\b"
+    r"(?!\s*(?:;|:=|\(|\)))",
+    "KRL": r"^[ \t]*(?:S?(?:PTP|LIN|CIRC)|SPL)(?:_REL)?\b(?![ \t]*(?:=|\$(?:POS|AXIS)_ACT(?:_MES|_MEAS)?\s*(?:;|$)))",
+    "TP": r"^[ \t]*\d*[ \t]*:[ \t]*[JLCAS][ \t]+PR?\[",
+    "URScript": r"(?<![\w.])move[jlpc][ \t]*\(",
+    "APT": r"^(?:[ \t]*\w+[)=])?[ \t]*(?:GOTO|GODLTA|TLON|GOHOME)\b",
+    "CSV": r"^(?![ \t]*(?:via\b|#))(?:[^\n]*[;,\t])?[ \t]*[-+]?\.?\d",
+}
+"""How a motion instruction looks in each language, by its text alone."""
+
+FLAGS = re.IGNORECASE | re.MULTILINE
 
 MODULE = re.compile(rb"^\s*MODULE\s+(\w+)", re.MULTILINE | re.IGNORECASE)
 
@@ -55,6 +69,8 @@ class Share:
     """The same where all that no file declares is supplied."""
     helped: int
     """These, and those whose targets get a function that corrects them at run time."""
+    added: int
+    """Lines by which the files get longer for those that are supplied."""
     kept: bool
     """Rewritten without changes every byte is as it was."""
 
@@ -91,7 +107,8 @@ def value_of(name: str) -> str:
 def share_of(files: Sequence[Path], robot: Robot) -> Share:
     """Read a program, and count."""
     sources = tuple(read_source(path) for path in files)
-    motions = sum(motions_in(source) for source in sources)
+    language = language_of(sources[0].path).name
+    motions = sum(len(motion_lines(language, source)) for source in sources)
     try:
         program = parse_program(sources, robot=robot)
         full = supplied(sources, robot, program)
@@ -103,6 +120,7 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
             written=0,
             supplied=0,
             helped=0,
+            added=0,
             reasons=Counter([plain(str(error))]),
             kept=True,
         )
@@ -110,18 +128,18 @@ def share_of(files: Sequence[Path], robot: Robot) -> Share:
         a.encode() == b.encode() for a, b in zip(full.rewrite(robot, {}), sources, strict=True)
     )
     same = same and all(a.encode() == b.encode() for a, b in zip(program.rewrite(robot, {}), sources, strict=True))
-    written, at_run_time, refused = written_in(program, robot)
-    own = written
+    own = written = written_in(program, robot)
     if full is not program:
-        written, at_run_time, refused = written_in(full, robot)
+        written = written_in(full, robot)
     return Share(
         files=tuple(files),
         motions=motions,
         understood=len({motion.place for motion in program.motions}),
-        written=len(own),
-        supplied=len(written),
-        helped=len(written | at_run_time),
-        reasons=reasons(full) + refused,
+        written=len(own.places),
+        supplied=len(written.places),
+        helped=len(written.places | written.at_run_time),
+        added=sum(source.text.count("\n") for source in written.sources) - sum(one.text.count("\n") for one in sources),
+        reasons=reasons(full) + Counter(f"not written: {plain(why)}" for why in written.left.values()),
         kept=same,
     )
 
@@ -136,101 +154,85 @@ def smooth_error(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 3"]:
     return 1.5e-3 * np.array([np.sin(2.0 * y), np.sin(2.0 * z), np.sin(2.0 * x)])
 
 
-def written_in(program: Program, robot: Robot) -> tuple[set[Place], set[Place], Counter[str]]:
-    """Instructions all of whose motions are written corrected, those that a function corrects at run time, and why others are not.
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What becomes of a program whose motions are all to end elsewhere."""
 
-    `correct` would ask the kinematics, too.
+    places: set[Place]
+    """Instructions all of whose motions are written."""
+    sources: tuple[Source, ...]
+    """The files with these."""
+    at_run_time: set[Place]
+    """Those that a function corrects at run time."""
+    left: Mapping[int, str]
+    """Motions that are not written, and why."""
 
-    As there, text that several motions have in common is written out as often as that lets more of them be corrected, and at last
-    their targets get arrays.
+
+def written_in(program: Program, robot: Robot) -> Written:
+    """The program with every motion where `corrected` has it, as far as that can be written.
+
+    By the same plan as `correct`, which would ask the kinematics, too.
     """
-    best, left, of_text = _written_as_it_is(program, robot, program.visits())
-    while left and (sources := program.written_out(left)) is not None:
-        program = program.reread(sources)
-        written, left, of_text = _written_as_it_is(program, robot, program.visits())
-        if len(written) <= len(best):
-            break
-        best = written
-    if of_text and (sources := program.tabled(of_text)) is not None:
-        visits, program = tuple(program.visits()), program.reread(sources)
-        written, left, _ = _written_as_it_is(program, robot, visits)
-        best = max(best, written, key=len)
-    at_run_time: set[Place] = set()
-    with suppress(InputError):  # a language without such a function
-        at_run_time |= set(program.wrap("TaskcalCorrected", None, rejected=left).wrapped)
-    return best, at_run_time, Counter(f"not written: {plain(why)}" for why in left.values())
 
+    def wanted(program: Program) -> Wanted:
+        waypoints = {i: (corrected(motion, robot),) for i, motion in enumerate(program.motions)}
+        return Wanted(program=program, robot=robot, waypoints=waypoints, refused={}, tolerance=TOLERANCE_M)
 
-def _written_as_it_is(
-    program: Program, robot: Robot, visits: Iterable[Visit]
-) -> tuple[set[Place], dict[int, str], set[int]]:
-    """Places that are written, motions that are not and why, and those of them that others share their text with."""
-    wanted = {i: (corrected(motion),) for i, motion in enumerate(program.motions)}
-    left: dict[int, str] = {}
-    visits, of_text = tuple(visits), set[int]()
-    exact = dict(wanted)
-    if stuck := program.unwritable(robot, wanted, TOLERANCE_M):
-        wanted |= program.least_worst(robot, wanted, stuck, TOLERANCE_M)
-    while True:
-        more = program.unwritable(robot, wanted, TOLERANCE_M)
-        of_text.update(more)
-        more = more or keep_together(visits, left, wanted)
-        if not more:
-            break
-        left |= more
-        wanted = {i: path for i, path in wanted.items() if i not in more}
-    again = program.reread(program.rewrite(robot, wanted))
-    assert len(again.motions) == len(program.motions)
-    for i in wanted:
-        (waypoint,) = exact[i]
-        end = again.motions[i].end
+    chosen = plan(program, wanted)
+    program = chosen.wanted.program
+    again = chosen.motions
+    assert len(again) == len(program.motions)
+    for i in chosen.written:
+        (waypoint,), end = chosen.wanted.waypoints[i], again[i].end
         if waypoint.T is not None and end.T is not None:
             assert np.abs(end.T[:3, 3] - waypoint.T[:3, 3]).max() < TOLERANCE_M + 1e-5, str(program.motions[i])
-    stay = {program.motions[i].place for i in left}
-    return {program.motions[i].place for i in wanted} - stay, left, of_text
+    stay = {program.motions[i].place for i in chosen.left}
+    at_run_time: set[Place] = set()
+    with suppress(InputError):  # a language without such a function
+        at_run_time |= set(program.wrap("TaskcalCorrected", None, rejected=chosen.left).wrapped)
+    places = {program.motions[i].place for i in chosen.written} - stay
+    left = {i: str(why) for i, why in chosen.left.items()}
+    return Written(places=places, sources=chosen.text, at_run_time=at_run_time, left=left)
 
 
-def corrected(motion: Motion) -> Waypoint:
-    """Where a motion is to end instead."""
+def corrected(motion: Motion, robot: Robot) -> Waypoint:
+    """Where a motion is to end instead; where it is written by joint positions, these and the pose to which they lead."""
 
-    def moved(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
-        flange, shift = motion.flange(T), np.eye(4)
+    def pose(q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, "4 4"]:
+        return motion.target(robot.tool_poses(q[None])[0] @ se3.inverse(robot.T_flange_tool))
+
+    def aside(q: Float[np.ndarray, " joints"]) -> Float[np.ndarray, " joints"]:
+        return q + np.eye(len(q))[0] * 1e-3
+
+    def moved(target: Target) -> tuple[Float[np.ndarray, " joints"], Float[np.ndarray, "4 4"] | None]:
+        if target.T is None:
+            return aside(target.q), None
+        near = getattr(target.posture, "q", target.q)
+        if near is not None and np.abs(pose(near) - target.T).max() < TOLERANCE_M:
+            return aside(near), pose(aside(near))
+        flange, shift = motion.flange(target.T), np.eye(4)
         shift[:3, 3] = smooth_error(flange)
-        return motion.target(shift @ flange)
+        return np.zeros(MAX_JOINTS), motion.target(shift @ flange)
 
-    own = motion.own_waypoint()
-    if own.T is None:
-        return replace(own, q=own.q + np.eye(len(own.q))[0] * 1e-3)
-    q = np.where(np.isnan(own.q), 0.0, own.q)
-    via = None if own.via is None or own.via.T is None else replace(own.via, T=moved(own.via.T), q=q)
-    return replace(own, T=moved(own.T), via=via, q=q)
+    (q, T), via = moved(motion.end), None
+    if motion.via is not None:
+        near, through = moved(motion.via)
+        via = Waypoint(kind=motion.kind, q=near, T=through)
+    return Waypoint(kind=motion.kind, q=q, T=T, via=via)
 
 
-def motions_in(source: Source) -> int:
-    """Motion instructions of a user in a text, by its words alone.
+def motion_lines(language: str, source: Source) -> list[int]:
+    """The lines of a user's motion instructions in a text, by its words alone, counted from 1; a line is named for each.
 
     They stand before the last ENDMODULE, not in KUKA's own ``bas.src``, and lead away from where the robot is.
     """
-    match source.path.suffix.lower():
-        case ".mod" | ".sys" | ".prg" | ".modx" | ".sysx":
-            words = list(tokenize(source.text))
-            ends = [i for i, word in enumerate(words) if word.key == "endmodule"]
-            words = words[: ends[-1] + 1] if ends else words
-            behind = ("proc", "func", "trap", "local")
-            return sum(
-                bool(RAPID_MOTION.fullmatch(word.key))
-                and before.key not in behind
-                and after.key not in (";", ":=", "(", ")")
-                for before, word, after in zip(words, words[1:], words[2:], strict=False)
-                if word.kind == "name"
-            )
-        case ".src" | ".dat" | ".sub":
-            return sum(
-                bool(KRL_MOTION.fullmatch(words[0].upper)) and not (len(words) == 2 and words[1].upper in HERE)
-                for words in (() if source.path.stem.upper() == BUILT_IN else lines_of_words(source.text))
-            )
-        case _:
-            return sum(statement.word in APT_MOTIONS for statement in parse_apt(source.text))
+    if source.path.stem.upper() == "BAS":
+        return []
+    text = source.text
+    if language in NO_STATEMENT:
+        text = re.sub(NO_STATEMENT[language], lambda match: "\n" * match[0].count("\n"), text, flags=FLAGS)
+    lines = [0, *(match.end() for match in re.finditer("\n", text))]
+    return [bisect_right(lines, match.end()) for match in re.finditer(MOTION[language], text, FLAGS)]
 
 
 def reasons(program: Program) -> Counter[str]:
@@ -297,6 +299,7 @@ def main(arguments: list[str]) -> None:
     robot = load_robot("abb-irb120")
     totals: dict[str, Counter[str]] = {}
     why: dict[str, Counter[str]] = {}
+    repositories: dict[str, dict[str, Counter[str]]] = {}
     for language, files in programs(folder):
         share = share_of(files, robot)
         total = totals.setdefault(language, Counter())
@@ -307,7 +310,12 @@ def main(arguments: list[str]) -> None:
             written=share.written,
             supplied=share.supplied,
             helped=share.helped,
+            added=share.added,
             changed=not share.kept,
+        )
+        repository = files[0].relative_to(folder).parts[1]
+        repositories.setdefault(language, {}).setdefault(repository, Counter()).update(
+            motions=share.motions, written=share.written, supplied=share.supplied, helped=share.helped
         )
         why.setdefault(language, Counter()).update(share.reasons)
         if "each" in what and share.motions:
@@ -320,9 +328,14 @@ def main(arguments: list[str]) -> None:
             f"({total['understood'] / max(total['motions'], 1):.1%}), {total['written']} written corrected "
             f"({total['written'] / max(total['motions'], 1):.1%}), {total['supplied']} with what is missing supplied "
             f"({total['supplied'] / max(total['motions'], 1):.1%}), {total['helped']} with a helper "
-            f"({total['helped'] / max(total['motions'], 1):.1%}), {total['programs']} programs, "
+            f"({total['helped'] / max(total['motions'], 1):.1%}), {total['added']} lines longer, {total['programs']} programs, "
             f"{total['changed']} that did not keep every byte"
         )
+        own = [one for one in repositories[language].values() if one["motions"]]
+        means = (
+            f"{np.mean([one[key] / one['motions'] for one in own]):.1%}" for key in ("written", "supplied", "helped")
+        )
+        print(f"    mean of {len(own)} repositories: {' / '.join(means)}")
         if "why" in what:
             for reason, count in why[language].most_common(40):
                 print(f"    {count:5}  {reason}")

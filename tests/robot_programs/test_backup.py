@@ -11,10 +11,10 @@ import pytest
 from robot_programs import backup as backup_module
 from robot_programs.backup import lay_backup, open_backup
 from robot_programs.core.source import Source
-from robot_programs.core.writing import put_in_place
 from robot_programs.reading import read_program
 from taskcal.errors import FileError
 from taskcal.robot.catalogue import load_robot
+from taskcal_groundwork.writing import put_in_place
 from tests.robot_programs.rapid.samples import POINTS
 from tests.robot_programs.tp.samples import joints, listing
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_programs import Edit, Frame, InputError, Motion, read_program, write_program
-from robot_programs.core.se3 import exp
+from taskcal_groundwork.se3 import exp
 from tests.examples.test_documentation import ROOT, blocks
 from tests.robot_programs.fuzz import LANGUAGES, language
 from tests.robot_programs.tp.samples import R2000

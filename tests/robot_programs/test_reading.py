@@ -1,5 +1,6 @@
 """Which language a program is read as."""
 
+import gzip
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,24 @@ def test_every_suffix_has_one_language_whatever_its_letter_case():
         assert set(language.composed) <= set(language.suffixes)
         for suffix in language.suffixes:
             assert language_of(Path(f"a.b{suffix.upper()}")) is language
+
+
+@pytest.mark.parametrize(
+    ("beside", "said"),
+    [
+        (["job.script", "job.txt"], r"pass its text, job\.script, which stands beside it$"),
+        (["job.txt"], r"pass its text, job\.txt, which stands beside it, renamed to \.script$"),
+        (["other.script"], r"pass its text, job\.script, which PolyScope writes beside it when the program is saved$"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".urp", ".URP"])
+def test_a_program_of_polyscope_names_the_text_beside_it(beside, said, suffix, tmp_path):
+    path = tmp_path / f"job{suffix}"
+    path.write_bytes(gzip.compress(b"<URProgram/>"))
+    for name in beside:
+        (tmp_path / name).write_text("def job():\nend\n")
+    with pytest.raises(FileError, match=said):
+        read_program(path)
 
 
 def test_a_file_is_read_by_its_suffix(tmp_path):

@@ -7,15 +7,6 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.apt.circle import (
-    UNIT_TOLERANCE,
-    CircleRecord,
-    Instruction,
-    circle_record,
-    circle_tokens,
-    read_arc,
-    recorded_arcs,
-)
 from robot_programs.apt.rewrite import AptProgram
 from robot_programs.apt.syntax import (
     BLOCKING,
@@ -24,45 +15,38 @@ from robot_programs.apt.syntax import (
     FEEDS,
     HARMLESS,
     MAX_NUMBER,
+    MOVING,
     UNITS,
     UNREAD_MOTIONS,
+    CircleRecord,
+    CircleTokens,
+    Instruction,
     Statement,
-    Token,
+    circle_record,
+    circle_tokens,
     numbers,
     parse,
+    read_arc,
+    recorded_arcs,
 )
-from robot_programs.core import se3
-from robot_programs.core.errors import FileError
-from robot_programs.core.program import Diagnostic, Frame, Motion, MotionKind, Target, with_axis
+from robot_programs.core.program import (
+    UNIT_TOLERANCE,
+    Diagnostic,
+    Frame,
+    Motion,
+    Target,
+    Unresolved,
+    tool_of_points,
+    with_axis,
+)
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
-
-# How fast an APT program moves: FEDRAT.
-
-
-@dataclass(kw_only=True)
-class Feed:
-    """The feed that holds, and the unit in which it was stated last."""
-
-    speed: float | None = None
-    """Metres per second; None where it is not known, or per revolution of the spindle."""
-    unit: str = ""
-
-    def read(self, statement: Statement, length: float) -> None:
-        """Take in a FEDRAT.
-
-        Args:
-            statement: the statement.
-            length: the program's unit of length, metres, per minute of which a feed without a unit counts.
-        """
-        words = [word for word in statement.words if word in FEEDS or word == "PERMIN"]
-        values = [token.number for token in statement.arguments or () if token.number is not None]
-        self.unit = words[0] if words else self.unit
-        scale = FEEDS.get(self.unit, length / 60.0)
-        self.speed = values[0] * scale if len(values) == 1 and values[0] > 0.0 and scale is not None else None
-
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import FileError
 
 # Frames that an APT program states by CSYS, and whether its points are still counted in the first one.
+
+OTHER_FRAME = "another frame is stated than the first, the part's"
 
 FRAME_TOLERANCE = 1e-5
 """Entries of two statements of one frame differ by less; lengths in the program's unit."""
@@ -107,9 +91,8 @@ class StatedFrames:
         elif self.matrix is not None:
             self.matrix.append(statement.text)
             if len(self.matrix) == 4:
-                stated = tuple(word for row in self.matrix[1:] for word in row.split())
-                self.matrix = None
-                return stated
+                rows, self.matrix = self.matrix[1:], None
+                return tuple(" ".join(rows).split())
         return None
 
     def read_csys(self, statement: Statement, line: int) -> str | None:
@@ -128,7 +111,7 @@ class StatedFrames:
         if self.in_world and change[:, 3].max() < FRAME_TOLERANCE and not upright:
             self.tilted = z
             return None
-        return f"another frame is stated than the first, the part's (line {line})"
+        return f"{OTHER_FRAME} (line {line})"
 
     def read_trntyp(self, statement: Statement, line: int) -> str | None:
         """Take in a TRNTYP; why points behind it are uncertain."""
@@ -164,34 +147,22 @@ class LoadedTool:
 
     def read(self, statement: Statement) -> bool:
         """Take in a statement; whether it is about tools."""
-        words = statement.words
-        match statement.word:
-            case "LOADTL" | "TOOLNO":
-                self._load(words[:1])
-            case "TOOL PATH":  # NX: the operation, TOOL, the tool
-                self._load(words[2:3] if words[1:2] == ("TOOL",) else words[1:])
-            case _ if words[:1] != ("TOOL",):
+        word, words = statement.word, statement.words
+        if word == "TOOL PATH":  # NX: the operation, TOOL, the tool
+            words = words[2:3] if words[1:2] == ("TOOL",) else words[1:]
+        elif word not in ("LOADTL", "TOOLNO"):
+            if words[:1] != ("TOOL",):
                 return False
-            case "LOAD":
-                self.loads = True
-                self._load(words[1:2])
-            case _ if not self.loads:
-                self._load(words[1:2])
-            case _:
-                pass
-        return True
-
-    def _load(self, words: tuple[str, ...]) -> None:
+            words = words[1:]
+            if self.loads and word != "LOAD":
+                return True
+            self.loads = word == "LOAD"
         key = tool_key(words[0]) if words else ""
-        if self.first is None:
-            self.first = key
-        if key in self.told:
-            self.loaded = self.told[key]
-        elif key == self.first:
-            self.loaded = self.given
-        else:
-            untold = Frame(name=key.upper(), T=self.given.T, stated=False)
-            self.loaded = self.untold.setdefault(key, untold)
+        self.first = key if self.first is None else self.first
+        known = self.told.get(key) or (self.given if key == self.first else None)
+        untold = Frame(name=key.upper(), T=self.given.T, stated=False)
+        self.loaded = known or self.untold.setdefault(key, untold)
+        return True
 
 
 def tool_key(name: str) -> str:
@@ -199,34 +170,27 @@ def tool_key(name: str) -> str:
     return str(int(name)) if name.isascii() and name.isdecimal() else name.casefold()
 
 
-# What was read of an APT program.
+# Motions of the statements of one file.
 
-
-@dataclass(kw_only=True)
-class Reading:
-    """Motions read so far of all files."""
-
-    part: Frame
-    motions: list[Motion] = field(default_factory=list[Motion])
-    instructions: list[Instruction] = field(default_factory=list[Instruction])
-    diagnostics: list[Diagnostic] = field(default_factory=list[Diagnostic])
-
-
-_TO_CIRCLES_END = frozenset({"GOTO", "GODLTA", "FROM", "GOHOME", "FEDRAT", "$$"})
-"""What may stand behind a circle, beside words that move nothing, up to the point where its arc ends."""
-
-OTHER_FRAME = "another frame is stated than the first, the part's"
+_NO_AXIS = "the tool axis of line {} is not stated by its components"
+_TO_CIRCLES_END = frozenset({"GOTO", "GODLTA", "FROM", "GOHOME", "FEDRAT", "$$", *HARMLESS})
+"""What may stand behind a circle, up to the point where its arc ends."""
 
 
 @dataclass(kw_only=True)
 class Resolver:
-    """Settings of the statements of one file so far."""
+    """Settings of the statements of one file so far, and what was read of all files."""
 
-    reading: Reading
     source: Source
     number: int
+    part: Frame
+    found: list[tuple[Motion, Instruction]]
+    diagnostics: list[Diagnostic]
     unit: float = 1e-3
-    feed: Feed = field(default_factory=Feed)
+    speed: float | None = None
+    """The feed that holds, metres per second; None where it is not known, or per revolution of the spindle."""
+    feed_unit: str = ""
+    """In which it was stated last."""
     rapid: bool = False
     axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     position: np.ndarray | None = None
@@ -237,7 +201,7 @@ class Resolver:
     """Why motions are uncertain, by the word that said so."""
     direction: Statement | None = None
     """Of the arc that follows."""
-    circle: CircleRecord | str | None = None
+    circle: CircleRecord | Unresolved | None = None
     """Of the arc that the point which follows ends, or why it is not certain."""
     tools: LoadedTool
     """The one that is loaded."""
@@ -247,46 +211,62 @@ class Resolver:
     """First frame stated, by its word; the caller's is that."""
     frames: StatedFrames = field(default_factory=StatedFrames)
     unknown: set[str] = field(default_factory=set[str])
+    line: int = 0
+    """Of the statement that is read."""
 
-    def place(self, statement: Statement) -> Place:
-        """Place of a statement."""
-        return self.source.place(statement.start)
+    def diagnose(self, start: int, text: str, *, rejected: bool = False, unread: bool = False) -> None:
+        """Something that the user should know of a place; flags as of `Diagnostic`."""
+        place = self.source.place(start)
+        self.diagnostics.append(Diagnostic(place=place, text=text, rejected=rejected, unread=unread))
 
-    def diagnose(self, statement: Statement, text: str) -> None:
-        """Something that the user should know."""
-        self.reading.diagnostics.append(Diagnostic(place=self.place(statement), text=text))
-
-    def unresolved(self, statement: Statement, why: str) -> None:
-        """A motion that stays as it is, and after which the tool's place is not known."""
-        self.diagnose(statement, f"{why}; the motion stays as it is")
+    def lost(self) -> None:
+        """Where the tool is, is not known any longer."""
         self.position = self.previous = None
-        self.rapid = False
-        self.circle = None
 
-    def read(self, statement: Statement) -> None:  # noqa: C901, PLR0912 - one case for each word of the language
+    def unresolved(self, start: int, why: object, *, rejected: bool = False) -> None:
+        """A motion that stays as it is, and after which the tool's place is not known."""
+        self.diagnose(start, f"{why}; the motion stays as it is", rejected=rejected, unread=True)
+        self.lost()
+        self.rapid, self.circle = False, None
+
+    def read(self, statement: Statement) -> None:
         """Take in a statement."""
-        word = statement.word
-        if self.circle is not None and word not in _TO_CIRCLES_END and word not in HARMLESS:
-            self.circle = "its circle is not followed by its end"
+        word, self.line = statement.word, self.source.line(statement.start)
+        if self.circle is not None and word not in _TO_CIRCLES_END:
+            self.circle = Unresolved("its circle is not followed by its end")
+        try:
+            self._take(word, statement)
+        except Unresolved as why:
+            self.unresolved(statement.start, why)
+        if word not in ("INDIRV", "$$", "AUTOPS"):
+            self.direction = None
+        if statement.arguments is None:
+            self._swallowed(statement)
+
+    def _take(self, word: str, statement: Statement) -> None:  # noqa: C901, PLR0912 - one case for each word of the language
         match word:
             case "GOTO" | "GODLTA" | "FROM" | "GOHOME":
                 self.rapid = self.rapid or word == "GOHOME"
                 self._point(statement)
             case "CIRCLE":
-                self.circle = self.circle or circle_record(statement)
+                try:
+                    self.circle = self.circle or circle_record(statement)
+                except Unresolved as why:
+                    self.circle = why
             case "CYCLE":
                 self._cycle(statement)
             case "INDIRV":
                 self.direction = statement
-                return
             case "TLON" if self.direction is not None:
                 self._arc(statement, self.direction)
             case "RAPID":
                 self.rapid = True
             case "FEDRAT":
-                self.feed.read(statement, self.unit)
+                self._feed(statement)
             case "UNITS" | "UNIT":
-                self._units(statement)
+                unit = UNITS.get(" ".join(statement.words))
+                self.unit = unit or self.unit
+                self._block("UNITS", None if unit else f"the unit of line {self.line} is not known")
             case "TLAXIS":
                 self._tool_axis(statement)
             case "LOADTL" | "TOOLNO" | "LOAD" | "SELECT" | "TOOL PATH":
@@ -299,172 +279,158 @@ class Resolver:
                 stated = self.frames.read_comment(statement)
                 if stated is not None:
                     self._state(statement, stated)
-                return
             case _ if word in BLOCKING or word in CLEARING:
-                self._block(statement)
+                self._transformed(statement)
             case _ if word in UNREAD_MOTIONS:
-                self.unresolved(statement, f"{word} is not read")
-            case _ if word not in HARMLESS and not _defines(statement):
+                raise Unresolved(f"{word} is not read")
+            case _ if word not in HARMLESS and [token.text for token in statement.tokens[1:2]] != [
+                "="
+            ]:  # gives no name a value
                 self._unknown(statement)
             case _:
                 pass
-        if word != "AUTOPS":
-            self.direction = None
+
+    def _swallowed(self, statement: Statement) -> None:
+        """Motions whose words stand inside a statement, as behind a dollar sign that should not be there."""
+        for before, inner in zip(statement.tokens, statement.tokens[1:], strict=False):
+            word = inner.upper.partition(" ")[0]
+            if word in MOVING and (word != "CIRCLE" or before.text not in ("(", "=")):
+                why = f"{word} stands in the statement of line {self.line}, not in one of its own"
+                self.unresolved(inner.start, why)
+                self.circle = Unresolved("its circle is not read") if word == "CIRCLE" else None
 
     def _point(self, statement: Statement) -> None:
-        tokens = statement.arguments or ()
         values = statement.numbers
         relative = statement.word == "GODLTA"
+        if len(statement.tokens) > 7:  # more than a place: until it is understood, the axis is not known
+            self._block("TLAXIS", _NO_AXIS.format(self.line))
         if values is None or len(values) not in ((1, 3, 6) if relative else (3, 6)):
-            self.unresolved(statement, f"{statement.word} has not three or six numbers")
-            return
+            raise Unresolved(f"{statement.word} has not three or six numbers")
         if len(values) == 6:
             length = float(np.linalg.norm(values[3:]))
             if abs(length - 1.0) > UNIT_TOLERANCE:
-                self.unresolved(statement, f"the tool axis has length {length:.4g} instead of 1")
-                return
+                raise Unresolved(f"the tool axis has length {length:.4g} instead of 1")
             self.axis = np.array(values[3:]) / length
-            self.blocked.pop("TLAXIS", None)
-        why = self._why_uncertain()
-        if why is not None:
-            self._uncertain(statement, why)
+            self._block("TLAXIS", None)
+        if self._is_uncertain(statement):
             return
-        begin = self.position
-        if relative and begin is None:
-            self.unresolved(statement, "GODLTA counts from a place that is not known")
-            return
+        if relative and self.position is None:
+            raise Unresolved("GODLTA counts from a place that is not known")
         stated = np.array(values)
-        step = self.unit * (stated[:3] if len(stated) > 1 else stated[0] * self.axis)
-        end = step if begin is None or not relative else begin + step
+        end = self.unit * (stated[:3] if len(stated) > 1 else stated[0] * self.axis)
+        if relative and self.position is not None:
+            end += self.position
         if statement.word == "FROM":
             self.position, self.previous = end, None
-            return
-        if self.circle is not None:
-            self._recorded(statement, self.circle, end, tokens, relative=relative)
-            return
-        self._move(statement, statement, end, None, tokens, relative)
-
-    def _recorded(
-        self,
-        statement: Statement,
-        circle: CircleRecord | str,
-        end: np.ndarray,
-        tokens: tuple[Token, ...],
-        *,
-        relative: bool,
-    ) -> None:
-        """The point that ends an arc whose circle stands before it."""
-        self.circle = None
-        if isinstance(circle, str):
-            arcs = circle
-        elif relative:
-            arcs = "an arc does not end in an increment"
-        elif self.position is None:
-            arcs = "the arc begins at a place that is not known"
+        elif self.circle is not None:
+            self._recorded(statement, self.circle, end)
         else:
+            self._move(statement, end, relative=relative)
+
+    def _recorded(self, statement: Statement, circle: CircleRecord | Unresolved, end: np.ndarray) -> None:
+        """The point that ends an arc whose circle stands before it."""
+        try:
+            if isinstance(circle, Unresolved):
+                raise circle
+            if statement.word == "GODLTA":
+                raise Unresolved("an arc does not end in an increment")
+            if self.position is None:
+                raise Unresolved("the arc begins at a place that is not known")
             arcs = recorded_arcs(circle, self.position, end, self.unit)
-        if isinstance(arcs, str) or isinstance(circle, str):
-            self.unresolved(statement, str(arcs))
+        except Unresolved as why:
+            self.unresolved(statement.start, why)
             self.position = end
             return
+        self.circle = None
         for arc in arcs:
             half = arc is not arcs[-1]
-            self._move(circle.statement, statement, arc.end, arc.via, tokens, False, circle, half=half)
+            self._move(statement, arc.end, arc.via, start=circle.start, circle=circle, half=half)
 
-    def _why_uncertain(self) -> str | None:
-        """Why it is not known what points are counted from."""
-        return next(iter(self.blocked.values()), None) or self.frames.why_uncertain(self.axis)
-
-    def _uncertain(self, statement: Statement, why: str) -> None:
-        """A point or an arc whose numbers could be corrected if it were known what they count from."""
-        self.position = self.previous = self.circle = None
-        if statement.word != "FROM":
-            text = f"{why}; the motion stays as it is"
-            self.reading.diagnostics.append(Diagnostic(place=self.place(statement), text=text, rejected=True))
-            self.rapid = False
+    def _is_uncertain(self, statement: Statement) -> bool:
+        """Whether it is not known what a point or an arc is counted from; its numbers could be corrected if it were."""
+        why = next(iter(self.blocked.values()), None) or self.frames.why_uncertain(self.axis)
+        if why is not None and statement.word == "FROM":
+            self.lost()
+            self.circle = None
+        elif why is not None:
+            self.unresolved(statement.start, why, rejected=True)
+        return why is not None
 
     def _arc(self, statement: Statement, direction: Statement) -> None:
         tokens, towards = circle_tokens(statement), direction.numbers
         if tokens is None or towards is None or len(towards) != 3:
-            self.unresolved(statement, "only arcs between points on one circle are read")
-        elif (why := self._why_uncertain()) is not None:
-            self._uncertain(statement, why)
-        elif self.position is None:
-            self.unresolved(statement, "the arc begins at a place that is not known")
-        else:
-            arc = read_arc(tokens, np.array(towards), self.position, self.unit)
-            if isinstance(arc, str):
-                self.unresolved(statement, arc)
-            else:
-                self._move(direction, statement, arc.end, arc.via, direction.arguments or (), False)
+            raise Unresolved("only arcs between points on one circle are read")
+        if self._is_uncertain(statement):
+            return
+        if self.position is None:
+            raise Unresolved("the arc begins at a place that is not known")
+        arc = read_arc(tokens, np.array(towards), self.position, self.unit)
+        self._move(statement, arc.end, arc.via, start=direction.start, circle=tokens, direction=direction)
 
     def _move(
         self,
-        first: Statement,
         statement: Statement,
         end: np.ndarray,
-        via: np.ndarray | None,
-        tokens: tuple[Token, ...],
-        relative: bool,
-        record: CircleRecord | None = None,
+        via: np.ndarray | None = None,
         *,
+        start: int | None = None,
+        circle: CircleTokens | CircleRecord | None = None,
+        direction: Statement | None = None,
         half: bool = False,
+        relative: bool = False,
     ) -> None:
-        # a cycle goes to its points by ways that are not written, as a motion of all joints does
-        kind: MotionKind = "joint" if self.cycle else "linear" if via is None else "circular"
-        self.reading.motions.append(
-            Motion(
-                kind=kind,
-                end=self._target(statement, end),
-                via=None if via is None else self._target(statement, via),
-                tool=self.tools.loaded,
-                part=self.reading.part,
-                speed=None if self.rapid or self.cycle else self.feed.speed,
-                stops=False,
-                follows=self.previous,
-                routine=self.source.path.stem,
-                place=self.place(statement),
-            )
+        place, R = Place(path=self.source.path, line=self.line), with_axis(self.axis)
+        target = partial(Target, name="", q=None, posture=None, place=place, free_spin=True)
+        motion = Motion(
+            # a cycle goes to its points by ways that are not written, as a motion of all joints does
+            kind="joint" if self.cycle else "linear" if via is None else "circular",
+            end=target(T=se3.pose(R, end)),
+            via=None if via is None else target(T=se3.pose(R, via)),
+            tool=self.tools.loaded,
+            part=self.part,
+            speed=None if self.rapid or self.cycle else self.speed,
+            stops=False,
+            follows=self.previous,
+            routine=self.source.path.stem,
+            place=place,
         )
-        self.reading.instructions.append(
-            Instruction(
-                source=self.number,
-                start=first.start,
-                end=statement.end,
-                body=statement.start,
-                numbers=tokens,
-                circle=None if via is None or record is not None else circle_tokens(statement),
-                record=record,
-                half=half,
-                relative=relative,
-                unit=self.unit,
-                rapid=self.rapid,
-                begin=self.position,
-            )
+        instruction = Instruction(
+            source=self.number,
+            start=statement.start if start is None else start,
+            end=statement.end,
+            body=statement.start,
+            numbers=(direction or statement).arguments or (),
+            circle=circle,
+            half=half,
+            relative=relative,
+            unit=self.unit,
+            rapid=self.rapid,
+            begin=self.position,
         )
-        self.position, self.previous, self.rapid = end, len(self.reading.motions) - 1, False
+        self.found.append((motion, instruction))
+        self.position, self.previous, self.rapid = end, len(self.found) - 1, False
 
-    def _target(self, statement: Statement, point: np.ndarray) -> Target:
-        T = se3.pose(with_axis(self.axis), point)
-        return Target(name="", T=T, q=None, posture=None, place=self.place(statement), free_spin=True)
-
-    def _units(self, statement: Statement) -> None:
-        (word,) = statement.words if len(statement.words) == 1 else ("",)
-        if word in UNITS:
-            self.unit = UNITS[word]
-            self.blocked.pop("UNITS", None)
+    def _block(self, word: str, why: str | None) -> None:
+        """Note why motions are uncertain because of a word; None where they no longer are."""
+        if why is None:
+            self.blocked.pop(word, None)
         else:
-            self.blocked["UNITS"] = f"the unit of line {self.place(statement).line} is not known"
+            self.blocked[word] = why
+
+    def _feed(self, statement: Statement) -> None:
+        """The feed: without a unit it counts per minute in the program's unit of length."""
+        stated = [word for word in statement.words if word in FEEDS or word == "PERMIN"]
+        values = [value for word in statement.arguments or () for value in numbers((word,)) or ()]
+        self.feed_unit = stated[0] if stated else self.feed_unit
+        scale = FEEDS.get(self.feed_unit, self.unit / 60.0)
+        self.speed = values[0] * scale if len(values) == 1 and values[0] > 0.0 and scale is not None else None
 
     def _tool_axis(self, statement: Statement) -> None:
-        values = statement.numbers
-        if values is not None and len(values) == 3 and abs(np.linalg.norm(values) - 1.0) <= UNIT_TOLERANCE:
+        values = statement.numbers or ()
+        self._block("TLAXIS", _NO_AXIS.format(self.line))
+        if len(values) == 3 and abs(np.linalg.norm(values) - 1.0) <= UNIT_TOLERANCE:
             self.axis = np.array(values) / np.linalg.norm(values)
-            self.blocked.pop("TLAXIS", None)
-        else:
-            self.blocked["TLAXIS"] = (
-                f"the tool axis of line {self.place(statement).line} is not stated by its components"
-            )
+            self._block("TLAXIS", None)
 
     def _tool(self, statement: Statement) -> None:
         """A statement that may load a tool, which moves on from where nobody knows."""
@@ -472,64 +438,58 @@ class Resolver:
         if not self.tools.read(statement):
             self._unknown(statement)
         if self.tools.loaded is not before:
-            self.position = self.previous = None
+            self.lost()
 
     def _cycle(self, statement: Statement) -> None:
         """A cycle begins: at each point that follows it moves along the tool's axis, and so does the correction of the point."""
-        words = statement.words
-        first = words[0] if words else ""
+        first = statement.words[0] if statement.words else ""
         if first == "INIT":  # SOLIDWORKS CAM announces a cycle by it
             return
         was, self.cycle = self.cycle, first not in ("OFF", "CLEAR", *ENDING)
         if self.cycle and not was:
-            self.diagnose(
-                statement,
-                "a cycle moves the tool at each of its points, which are corrected; what it does there is not read",
-            )
+            what = "a cycle moves the tool at each of its points, which are corrected; what it does there is not read"
+            self.diagnose(statement.start, what)
         if was and not self.cycle:
-            self.position = self.previous = None
+            self.lost()
 
     def _frame(self, statement: Statement) -> None:
-        word, line, before = statement.word, self.place(statement).line, self.frames.moved_since
-        why = (self.frames.read_csys if word == "CSYS" else self.frames.read_trntyp)(statement, line)
-        self.blocked.pop(word, None)
-        if why is not None:
-            self.blocked[word] = why
+        word, before = statement.word, self.frames.moved_since
+        why = (self.frames.read_csys if word == "CSYS" else self.frames.read_trntyp)(statement, self.line)
+        self._block(word, why)
         if why is not None or before != self.frames.moved_since:
-            self.position = self.previous = None
+            self.lost()
 
     def _unknown(self, statement: Statement) -> None:
         """A word that is not known: with numbers it may move a frame or the tool."""
-        word, line = statement.word, self.place(statement).line
-        if any(token.number is not None for token in statement.tokens[1:]):
-            self.blocked.setdefault(
-                word, f"'{word}' of line {line} is not known, and its numbers may move the coordinates"
-            )
-            self.position = self.previous = None
+        word = statement.word
+        if any(numbers((token,)) for token in statement.tokens[1:]):
+            why = f"'{word}' of line {self.line} is not known, and its numbers may move the coordinates"
+            self.blocked.setdefault(word, why)
+            self.lost()
         elif word not in self.unknown:
             self.unknown.add(word)
-            self.diagnose(statement, f"'{word}' is not known; it is taken to move nothing")
+            self.diagnose(statement.start, f"'{word}' is not known; it is taken to move nothing")
+        if (first := word.partition(" ")[0]) in MOVING:
+            raise Unresolved(f"'{word}' is not read: no slash stands behind {first}")
 
     def _state(self, statement: Statement, stated: tuple[object, ...]) -> None:
         """A frame: the first one is the caller's, another one is not known."""
-        word = statement.word
-        if self.first.setdefault(word, stated) == stated:
-            self.blocked.pop(word, None)
-        else:
-            self.blocked[word] = f"{OTHER_FRAME} (line {self.place(statement).line})"
+        known = self.first.setdefault(statement.word, stated) == stated
+        self._block(statement.word, None if known else f"{OTHER_FRAME} (line {self.line})")
 
-    def _block(self, statement: Statement) -> None:
+    def _transformed(self, statement: Statement) -> None:
+        """A statement that transforms or repeats motions, or ends that."""
         word = CLEARING.get(statement.word, statement.word)
         values = statement.numbers or ()
         at_zero = word in ("ORIGIN", "TRANS") and len(values) == 3 and not any(values)
         ended = statement.word in CLEARING or at_zero or not ENDING.isdisjoint(statement.words)
-        if ended and word not in ("COPY", "INDEX", "JUMPTO", "IF"):
-            self.blocked.pop(word, None)
-        elif word == "COPY":
-            self.blocked.pop("INDEX", None)
+        if word == "COPY":
+            self._block("INDEX", None)
+        elif ended and word not in ("INDEX", "JUMPTO", "IF"):
+            self._block(word, None)
         else:
-            self.blocked[word] = f"{BLOCKING[word]} since line {self.place(statement).line}"
-        self.position = self.previous = None
+            self.blocked[word] = f"{BLOCKING[word]} since line {self.line}"
+        self.lost()
 
 
 def literal_poses(rows: Float[np.ndarray, "n k"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
@@ -538,21 +498,13 @@ def literal_poses(rows: Float[np.ndarray, "n k"], like: Motion) -> Float[np.ndar
     last = float(np.abs(rows[-1, :3]).max())  # of zeros no unit is known
     if T is None or not last or np.abs(rows).max() > MAX_NUMBER:
         return None
-    stated = len(rows[0]) > 3
-    if stated and np.abs(np.linalg.norm(rows[:, 3:], axis=1) - 1.0).max() > 0.9 * UNIT_TOLERANCE:
+    axes, lengths = np.repeat(-T[None, :3, 2], len(rows), axis=0), np.ones(len(rows))
+    if len(rows[0]) > 3:
+        axes, lengths = rows[:, 3:], np.linalg.norm(rows[:, 3:], axis=1)
+    if np.abs(lengths - 1.0).max() > 0.9 * UNIT_TOLERANCE:
         return None
     unit = min(UNITS.values(), key=lambda unit: abs(unit * last - np.abs(T[:3, 3]).max()))
-    axes = (
-        rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
-        if stated
-        else np.repeat(-T[None, :3, 2], len(rows), axis=0)
-    )
-    return se3.pose(with_axis(axes), unit * rows[:, :3])
-
-
-def _defines(statement: Statement) -> bool:
-    """Whether a statement only gives a value to a name."""
-    return len(statement.tokens) > 1 and statement.tokens[1].text == "="
+    return se3.pose(with_axis(axes / lengths[:, None]), unit * rows[:, :3])
 
 
 # Reading tool paths in APT.
@@ -578,22 +530,21 @@ def read_apt(
     Raises:
         FileError: neither the tool nor the robot is given, or a file is not APT text.
     """
-    if tool is None and robot is None:
-        raise FileError(sources[0].path, "does not say what its positions are of; give the tool, or the robot")
-    own = tool or Frame(name="", T=np.eye(4) if robot is None else robot.T_flange_tool)
+    own = tool_of_points(sources[0].path, robot, tool)
     named = {tool_key(name): frame for name, frame in (tools or {}).items()}
-    reading = Reading(part=part or Frame(name="", T=np.eye(4)))
+    part = part or Frame(name="", T=np.eye(4))
+    found, diagnostics = list[tuple[Motion, Instruction]](), list[Diagnostic]()
     for number, source in enumerate(sources):
         if "\0" in source.text:
             raise FileError(source.path, "is a binary file; export it as APT source")
         loaded = LoadedTool(given=own, told=named, loaded=own)
-        resolver = Resolver(reading=reading, source=source, number=number, tools=loaded)
+        resolver = Resolver(source=source, number=number, part=part, found=found, diagnostics=diagnostics, tools=loaded)
         for statement in parse(source.text):
             resolver.read(statement)
     return AptProgram(
         sources=tuple(sources),
-        motions=tuple(reading.motions),
-        diagnostics=tuple(reading.diagnostics),
-        instructions=tuple(reading.instructions),
-        read=partial(read_apt, tool=own, part=reading.part, tools=named),
+        motions=tuple(motion for motion, _ in found),
+        diagnostics=tuple(diagnostics),
+        instructions=tuple(instruction for _, instruction in found),
+        read=partial(read_apt, tool=own, part=part, tools=named),
     )

@@ -1,17 +1,17 @@
-"""Rewriting motions of an APT program: points, and arcs as CATIA writes them."""
+"""Rewriting motions of an APT program: points, and arcs of both forms."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.apt.circle import Arc, Instruction, arc_through
-from robot_programs.apt.syntax import Token
-from robot_programs.core.errors import InputError
-from robot_programs.core.program import SAME_POSE, Motion, Paths, Program, Waypoint
+from robot_programs.apt.syntax import CircleRecord, CircleTokens, Instruction, arc_through
+from robot_programs.core.kit import Word
+from robot_programs.core.program import SAME_POSE, Motion, Paths, Program, Unresolved, Waypoint
 from robot_programs.core.robot import Robot
-from robot_programs.core.source import Place, Source, TextEdit, numeral, renumbered
+from robot_programs.core.source import Source, TextEdit, numeral, renumbered
+from taskcal_groundwork.errors import InputError
 
 MM, INCHES, AXIS = 5, 6, 7
 """Decimals written of lengths and of directions."""
@@ -37,19 +37,14 @@ class AptProgram(Program):
         for number, (move, instruction) in enumerate(zip(self.motions, self.instructions, strict=True)):
             start = _start(move, instruction, waypoints)
             path = waypoints.get(number)
-            if instruction.half:
-                halves = number, number + 1
-                kept = all(half not in waypoints or self.motions[half].stays(waypoints[half]) for half in halves)
-                if kept and _same_point(start, instruction.begin):
-                    continue
-                path = path or (move.own_waypoint(),)
-            if path is None:
-                leans = instruction.relative or instruction.circle is not None or instruction.record is not None
-                if not leans or _same_point(start, instruction.begin):
-                    continue
-                path = (move.own_waypoint(),)
-            writing = _Writing(source=self.sources[instruction.source], instruction=instruction, move=move)
-            edits[instruction.source] += writing.edits(start, path)
+            stays = path is None
+            if instruction.half:  # its statements are the second half's as well
+                stays = all(self.motions[k].stays(waypoints[k]) for k in (number, number + 1) if k in waypoints)
+            leans = instruction.relative or instruction.circle is not None
+            if stays and (not leans or _same_point(start, instruction.begin)):
+                continue
+            writing = _Writing(source=self.sources[instruction.source], own=instruction, move=move)
+            edits[instruction.source] += writing.edits(start, path or (move.own_waypoint(),))
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
 
 
@@ -69,120 +64,100 @@ class _Writing:
     """Rewriting one motion."""
 
     source: Source
-    instruction: Instruction
+    own: Instruction
     move: Motion
-
-    @property
-    def place(self) -> Place:
-        return self.move.place
 
     @property
     def decimals(self) -> int:
         """Decimals of lengths, in the program's unit."""
-        return MM if self.instruction.unit <= 1e-3 else INCHES
+        return MM if self.own.unit <= 1e-3 else INCHES
 
     def edits(self, begin: Float[np.ndarray, " 3"] | None, path: Sequence[Waypoint]) -> list[TextEdit]:
         """Edits that give the motion its waypoints: statements before it, and its own numbers."""
-        own = self.instruction
-        texts: list[str] = []
-        for waypoint in path if own.half else path[:-1]:
-            texts.append(self._statement(begin, waypoint))
-            begin = self._end(waypoint)
+        own = self.own
         parting = self.source.newline + self.source.indent(own.start)
         if own.rapid:
             parting += "RAPID" + parting
-        ahead = "".join(text + parting for text in texts)
+        ahead = ""
+        for waypoint in path if own.half else path[:-1]:
+            if waypoint.via is None:
+                ahead += self._point(waypoint) + parting
+            else:
+                ahead += self.source.piece(own.start, own.end, self._arc(begin, waypoint)) + parting
+            begin = self._pose(waypoint)[:3, 3]
         out = [TextEdit(start=own.start, end=own.start, text=ahead)] if ahead else []
-        return out if own.half else out + self._own(begin, path[-1])
+        return out if own.half else out + self._last(begin, path[-1])
 
-    def _end(self, waypoint: Waypoint) -> Float[np.ndarray, " 3"]:
+    def _pose(self, waypoint: Waypoint) -> np.ndarray:
         if waypoint.T is None:
-            raise InputError(f"{self.place}: APT knows no joint positions; write the program in another language")
-        return waypoint.T[:3, 3]
+            raise InputError(f"{self.move.place}: APT knows no joint positions; write the program in another language")
+        return waypoint.T
 
-    def _statement(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> str:
-        own = self.instruction
-        if waypoint.via is None:
-            return self._point(waypoint)
-        return self.source.piece(own.start, own.end, self._arc_edits(begin, waypoint))
+    def _stated(self, T: np.ndarray) -> list[tuple[float, int]]:
+        """Numbers of a point, as many as the motion's own one has, and at least three: value and decimals of each."""
+        axis = (-T[:3, 2]).tolist() if len(self.own.numbers) == 6 else []
+        return [(v, self.decimals) for v in (T[:3, 3] / self.own.unit).tolist()] + [(v, AXIS) for v in axis]
 
     def _point(self, waypoint: Waypoint) -> str:
-        point = self._end(waypoint) / self.instruction.unit
-        texts = [numeral(float(value), self.decimals) for value in point]
-        if len(self.instruction.numbers) == 6 and waypoint.T is not None:
-            texts += [numeral(float(value), AXIS) for value in -waypoint.T[:3, 2]]
-        return "GOTO/" + ",".join(texts)
+        return "GOTO/" + ",".join(numeral(value, decimals) for value, decimals in self._stated(self._pose(waypoint)))
 
-    def _own(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
-        own, end = self.instruction, self._end(waypoint)
-        if own.circle is not None or own.record is not None:
-            if waypoint.via is not None:
-                return self._arc_edits(begin, waypoint)
-            return [TextEdit(start=own.start, end=own.end, text=self._point(waypoint))]
+    def _last(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
+        """Edits of the motion's own statements."""
+        own, now = self.own, self._pose(waypoint)
         if waypoint.via is not None:
-            raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
+            return self._arc(begin, waypoint)
+        if own.circle is not None:
+            return [TextEdit(start=own.start, end=own.end, text=self._point(waypoint))]
         assert self.move.end.T is not None
-        assert waypoint.T is not None
         was = self.move.end.T
         if own.relative:
-            kept = _same_point(begin, own.begin) and bool(np.abs(end - was[:3, 3]).max() < SAME_POSE)
+            kept = _same_point(begin, own.begin) and _same_point(now[:3, 3], was[:3, 3])
             return [] if kept else [TextEdit(start=own.body, end=own.end, text=self._point(waypoint))]
-        out = [
-            self._edit(token, was[a, 3] / own.unit, end[a] / own.unit, self.decimals)
-            for a, token in enumerate(own.numbers[:3])
+        return [
+            TextEdit(start=word.start, end=word.end, text=renumbered(word.text, before, value, decimals))
+            for word, (before, decimals), (value, _) in zip(
+                own.numbers, self._stated(was), self._stated(now), strict=True
+            )
         ]
-        axes = own.numbers[3:]
-        return out + [self._edit(token, -was[a, 2], -waypoint.T[a, 2], AXIS) for a, token in enumerate(axes)]
 
-    def _arc_edits(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
-        own = self.instruction
-        if own.circle is None and own.record is None:
-            raise InputError(f"{self.place}: a line cannot become an arc here; write the program in another language")
-        via, end = waypoint.via, self._end(waypoint)
+    def _arc(self, begin: Float[np.ndarray, " 3"] | None, waypoint: Waypoint) -> list[TextEdit]:
+        """Edits that make the motion's statements an arc; all anew, as numbers that were rounded apart would miss its ends."""
+        circle, via, end = self.own.circle, waypoint.via, self._pose(waypoint)[:3, 3]
+        if circle is None:
+            raise InputError(
+                f"{self.move.place}: a line cannot become an arc here; write the program in another language"
+            )
+        if begin is None or via is None or via.T is None:
+            raise InputError(f"{self.move.place}: the arc begins or passes at a place that is not known")
         assert self.move.via is not None
         assert self.move.via.T is not None
         assert self.move.end.T is not None
-        if begin is None or via is None or via.T is None:
-            raise InputError(f"{self.place}: the arc begins or passes at a place that is not known")
-        was = self.move.via.T[:3, 3], self.move.end.T[:3, 3]
-        stays = _same_point(begin, own.begin) and _same_point(via.T[:3, 3], was[0]) and _same_point(end, was[1])
-        if stays and not own.half:
+        was = np.array([self.move.via.T[:3, 3], self.move.end.T[:3, 3]])
+        if _same_point(begin, self.own.begin) and _same_point(np.array([via.T[:3, 3], end]), was) and not self.own.half:
             return []
-        arc = arc_through(begin, via.T[:3, 3], end)
-        if isinstance(arc, str):
-            raise InputError(f"{self.place}: {arc}; cut it into fewer pieces")
-        if own.circle is None:
-            return self._record_edits(arc, begin, waypoint)
-        # all anew: a centre and a radius that were rounded apart from these would miss the arc's ends
-        lengths = np.concatenate([arc.center, [arc.radius], arc.center, arc.end]) / own.unit
-        out = [
-            TextEdit(start=token.start, end=token.end, text=numeral(float(value), decimals))
-            for tokens, values, decimals in (
-                (own.numbers, arc.direction, AXIS),
-                (own.circle.circle + own.circle.line, lengths, self.decimals),
-            )
-            for token, value in zip(tokens, values, strict=True)
-        ]
-        start, behind = own.circle.second
-        if arc.second != (start < behind):
-            out.append(TextEdit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
-        return out
+        try:
+            arc = arc_through(begin, via.T[:3, 3], end)
+        except Unresolved as why:
+            raise InputError(f"{self.move.place}: {why}; cut it into fewer pieces") from None
+        center, radius = arc.center / self.own.unit, arc.radius / self.own.unit
+        lengths, axis = self.decimals, np.cross(begin - arc.center, arc.direction)
+        match circle:
+            case CircleRecord():
+                axis = circle.sense * axis / np.linalg.norm(axis)
+                values = [(v, lengths) for v in center] + [(v, AXIS) for v in axis] + [(radius, lengths)]
+                return _anew(circle.tokens, values) + _anew(self.own.numbers, self._stated(self._pose(waypoint)))
+            case CircleTokens():
+                values = [(v, lengths) for v in (*center, radius, *center, *(end / self.own.unit))]
+                out = _anew(self.own.numbers, [(v, AXIS) for v in arc.direction]) + _anew(circle.tokens, values)
+                start, behind = circle.second
+                if arc.second != (start < behind):
+                    out.append(TextEdit(start=start, end=behind, text=",2,INTOF" if arc.second else ""))
+                return out
 
-    def _record_edits(self, arc: Arc, begin: Float[np.ndarray, " 3"], waypoint: Waypoint) -> list[TextEdit]:
-        own = self.instruction
-        assert own.record is not None
-        assert waypoint.T is not None
-        axis = own.record.sense * np.cross(begin - arc.center, arc.direction)
-        values = [*(arc.center / own.unit), *(axis / np.linalg.norm(axis)), arc.radius / own.unit]
-        decimals = [self.decimals] * 3 + [AXIS] * 3 + [self.decimals]
-        ends = [*(waypoint.T[:3, 3] / own.unit), *(-waypoint.T[:3, 2])]
-        written = zip(own.record.tokens, values, decimals, strict=False), zip(own.numbers, ends, decimals, strict=False)
-        return [
-            TextEdit(start=token.start, end=token.end, text=numeral(float(value), places))
-            for tokens in written
-            for token, value, places in tokens
-        ]
 
-    def _edit(self, token: Token, was: float, now: float, decimals: int) -> TextEdit:
-        text = renumbered(token.text, float(was), float(now), decimals)
-        return TextEdit(start=token.start, end=token.end, text=text)
+def _anew(words: Iterable[Word], values: Iterable[tuple[float, int]]) -> list[TextEdit]:
+    """Edits that put values, with their decimals, in the place of numbers; a record has more numbers than an arc."""
+    return [
+        TextEdit(start=word.start, end=word.end, text=numeral(float(value), decimals))
+        for word, (value, decimals) in zip(words, values, strict=False)
+    ]

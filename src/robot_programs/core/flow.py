@@ -242,6 +242,15 @@ def lines_in(nodes: Iterable[Node]) -> Iterator[Any]:
                 yield node.line
 
 
+def unread_in(nodes: Iterable[Node]) -> Iterator[Any]:
+    """Lines of nodes that are not understood."""
+    for node in nodes:
+        if isinstance(node, Unknown):
+            yield node.line
+        for body in bodies_of(node):
+            yield from unread_in(body)
+
+
 MAX_BACKWARD = 24
 """Labels of a routine to which lines after them lead back; of one with more, what holds at its labels is not followed."""
 
@@ -324,7 +333,7 @@ class State:
     """State at a place of a program; languages add what they know."""
 
     last: int | None = None
-    """Number of the motion that ends where the robot is; None where that is not known."""
+    """Number of the motion that ends where the robot is, or `SOMEWHERE`; None where that is not known."""
     reached: bool = True
     """Whether control comes there."""
 
@@ -350,9 +359,15 @@ class State:
         states, variables = (self, *others), self.variables
         if any(other.variables is not variables for other in others):
             keys = dict.fromkeys(key for state in states for key in state.variables)
-            found = {key: self.common([state.variables.get(key) for state in states], why) for key in keys}
-            variables = {key: value for key, value in found.items() if value is not None}
-        return replace(self, last=self.last if len({s.last for s in states}) == 1 else None, variables=variables)
+            variables = {key: one for key in keys if (one := self._of_all(key, states, why)) is not None}
+        lasts = {state.last for state in states}
+        last = self.last if len(lasts) == 1 else None if lasts & {None, ENTRY} else SOMEWHERE
+        return replace(self, last=last, variables=variables)
+
+    def _of_all(self, key: Any, states: Sequence[Any], why: str) -> Any:
+        """What is known of a datum after several ways; None for nothing."""
+        first, *others = [state.variables.get(key) for state in states]
+        return first if all(other is first for other in others) else self.common([first, *others], why)
 
     def common(self, values: Sequence[Any], why: str) -> Any:
         """What is known of a datum after several ways; None for nothing.
@@ -377,6 +392,9 @@ S = TypeVar("S", bound=State)
 
 ENTRY = -1
 """In place of the number of the last motion, in a routine that is summarised: that before it was entered."""
+
+SOMEWHERE = -2
+"""In place of the number of the last motion: one of the program's, which is not the same on all ways."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -958,7 +976,7 @@ class Occurrence(Generic[T, M]):
     text: T
     motion: M
     before: set[int | None]
-    """Numbers of motions that may have been the last one; None for any."""
+    """Numbers of motions that may have been the last one, or `SOMEWHERE`; None for anything else."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -972,6 +990,8 @@ class Ordered(Generic[M]):
     """Number of the motion before, if there is one alone."""
     same_text: int
     """How many motions have its text, itself included."""
+    begins_at_motion: bool = False
+    """Whether it begins where one of the motions ends, and not always the same one."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -1026,11 +1046,14 @@ class Findings(Generic[T, M]):
         count = Counter(self.occurrences[i].text for i in kept)
         for i in kept:
             found = self.occurrences[i]
-            before = {None if old is None else number.get(old) for old in found.before}
-            (first, *others) = before
+            anywhere = SOMEWHERE in found.before
+            before = {None if old is None else number.get(old) for old in found.before - {SOMEWHERE}}
+            (first, *others) = before or {None}
             yield Ordered(
                 motion=found.motion,
                 before=tuple(sorted(old for old in before if old is not None)),
-                follows=None if others else first,
+                follows=None if others or anywhere else first,
                 same_text=count[found.text],
+                # a motion that was not read may end elsewhere
+                begins_at_motion=None not in before and (not self.reasons if anywhere else bool(others)),
             )

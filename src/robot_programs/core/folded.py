@@ -5,12 +5,12 @@ is in all else as the last one, if these two are alike. Whatever needs more than
 """
 
 import re
-from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, cached_property, wraps
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -19,15 +19,10 @@ from robot_programs.core.program import (
     NUMBER,
     LiteralForm,
     Motion,
-    Paths,
     Program,
     Target,
-    Visit,
-    Waypoint,
-    Wrapping,
 )
-from robot_programs.core.robot import Robot
-from robot_programs.core.source import Place, Source, TextEdit, uncollected
+from robot_programs.core.source import Place, Source, uncollected
 
 MIN_RUN = 20
 """Lines of a run; of fewer, reading all of them takes less time than to compare those that are read."""
@@ -210,6 +205,19 @@ def _numbered(few: Sequence[Motion], inside: dict[int, list[Motion]]) -> tuple[M
     return tuple(all_motions)
 
 
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def _of_whole(method: Method) -> Method:
+    """A method of `Program`, as the whole program has it."""
+
+    @wraps(method, updated=())  # not its being abstract
+    def forwarded(program: Any, *arguments: Any, **named: Any) -> Any:
+        return getattr(program.unfolded, method.__name__)(*arguments, **named)
+
+    return cast("Method", forwarded)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class FoldedProgram(Program):
     """A program that was read from a few of its lines."""
@@ -217,46 +225,19 @@ class FoldedProgram(Program):
     whole: Callable[[], Program]
     """The same, of all its lines; read once."""
 
-    @property
-    def _whole(self) -> Program:
+    @cached_property
+    def unfolded(self) -> Program:
+        """The whole program, with what is known of this one."""
         return replace(
             self.whole(), motions=self.motions, diagnostics=self.diagnostics, T_world_base=self.T_world_base,
             base_from=self.base_from, backup=self.backup,
         )  # fmt: skip
 
-    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten; see `Program.rewrite`."""
-        return self._whole.rewrite(robot, waypoints)
-
-    def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
-        """What gives a motion another speed; see `Program.speed_edit`."""
-        return self._whole.speed_edit(number, speed)
-
-    def unwritable(self, robot: Robot, waypoints: Paths, tolerance: float) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        return self._whole.unwritable(robot, waypoints, tolerance)
-
-    def least_worst(
-        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
-    ) -> dict[int, tuple[Waypoint, ...]]:
-        """One value where motions share their numbers; see `Program.least_worst`."""
-        return self._whole.least_worst(robot, waypoints, numbers, tolerance)
-
-    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with shared text written out; see `Program.written_out`."""
-        return self._whole.written_out(numbers)
-
-    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with targets of loops in arrays; see `Program.tabled`."""
-        return self._whole.tabled(numbers)
-
-    def visits(self) -> Iterable[Visit]:
-        """Which motions of one path go to one target; see `Program.visits`."""
-        return self._whole.visits()
-
-    def wrap(
-        self, function: str, added: Source | None, *, without: Collection[str] = (), rejected: Container[int] = (),
-        keep_joints: bool = False,
-    ) -> Wrapping:  # fmt: skip
-        """Put a function around the targets of motions; see `Program.wrap`."""
-        return self._whole.wrap(function, added, without=without, rejected=rejected, keep_joints=keep_joints)
+    rewrite = _of_whole(Program.rewrite)
+    speed_edit = _of_whole(Program.speed_edit)
+    unwritable = _of_whole(Program.unwritable)
+    least_worst = _of_whole(Program.least_worst)
+    written_out = _of_whole(Program.written_out)
+    tabled = _of_whole(Program.tabled)
+    visits = _of_whole(Program.visits)
+    wrap = _of_whole(Program.wrap)

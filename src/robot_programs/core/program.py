@@ -13,10 +13,10 @@ from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robot_programs.core import se3
-from robot_programs.core.errors import InputError, shortened, shown
 from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.source import Backup, Place, Source, TextEdit
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import FileError, InputError, shortened, shown
 
 # How near a motion passes by its target, where it does not stop in it.
 
@@ -174,6 +174,8 @@ class Motion:
     """It comes to rest in its target instead of passing by."""
     follows: int | None = None
     """Number of the motion that ends where this one begins; None where the text does not tell."""
+    begins_at_motion: bool = False
+    """It begins where one of the program's motions ends, and not always the same one."""
     routine: str = ""
     place: Place
     turn_speed: float | None = None
@@ -282,6 +284,8 @@ class Diagnostic:
     text: str
     rejected: bool = False
     """A motion whose numbers were read, but not what they count from or which tool they are of."""
+    unread: bool = False
+    """A motion that was not resolved, on one of the ways that lead to it at least."""
 
     def __str__(self) -> str:
         return f"{self.place}: {self.text}"
@@ -585,6 +589,14 @@ class Wrapped:
     obstacle: str = ""
     """Why it is not."""
 
+    @classmethod
+    def of(cls, place: Place, name: str, edits: Iterable[TextEdit]) -> "Wrapped":
+        """A motion with edits that may raise `Unresolved` as they are made, which says why it is not given the function."""
+        try:
+            return cls(place=place, name=name, edits=tuple(edits))
+        except Unresolved as why:
+            return cls(place=place, name=name, obstacle=str(why))
+
 
 def wrapping(
     program: Program,
@@ -611,7 +623,7 @@ def wrapping(
 
     def read(sources: tuple[Source, ...]) -> Program:
         again, having = cleared(program.reread(sources))
-        said = tuple(d for d in again.diagnostics if d.place not in having or "stays as it is" not in d.text)
+        said = tuple(d for d in again.diagnostics if d.place not in having or not d.unread)
         return replace(again, read=read, backup=program.backup, base_from=program.base_from, diagnostics=said)
 
     sources = tuple(source.edited(edits[source.path]) for source in program.sources)
@@ -725,8 +737,8 @@ class Composition:
         return Source(path=Path(f"{self.name}{suffix}"), text=text, encoding="utf-8")
 
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-"""A decimal number, as all languages have them."""
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+"""A decimal number, as all languages have them; digits match in one way only, however many there are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -766,6 +778,9 @@ class Language:
     base_file: str = ""
     """The file that says where the robot stands in the world, in which frames are counted; empty where they are counted in
     the robot's base."""
+    controller_kinematics: str = ""
+    """Files that state with which kinematics a controller of the language computes, where each has its own arm's, as the factory
+    measured them; empty where controllers compute with nominal dimensions unless told otherwise."""
 
     def holds(self, source: Source) -> bool:
         """Whether a file, known by its suffix, is one of a program: controllers have other files with the same suffixes."""
@@ -777,8 +792,41 @@ class Language:
 # Values that the text of a program alone does not give.
 
 
+MissingKind = Literal["tool", "part", "data", "other"]
+"""What a name stands for that the files of a program use and do not declare; what is other, no cell file can state."""
+
+
+class Reason(str):
+    """Why something is not known, for the user, with the names that would have to be declared; whatever else it is part of."""
+
+    __slots__ = ("missing",)
+    missing: tuple[tuple[str, MissingKind], ...]
+
+    def __new__(cls, text: str, *missing: tuple[str, MissingKind], of: Iterable[object] = ()) -> "Reason":
+        """A sentence, and the names that it misses, or that others do of which it is made."""
+        self = super().__new__(cls, text)
+        self.missing = tuple(dict.fromkeys((*missing, *(name for one in of for name in missing_in(one)))))
+        return self
+
+    def __str__(self) -> "Reason":
+        return self
+
+    def __reduce__(self) -> Any:
+        return Reason._again, (super().__str__(), self.missing)
+
+    @staticmethod
+    def _again(text: str, missing: tuple[tuple[str, MissingKind], ...]) -> "Reason":
+        return Reason(text, *missing)
+
+
+def missing_in(reason: object) -> tuple[tuple[str, MissingKind], ...]:
+    """Names that a reason misses; none of any other text."""
+    said = str(reason)
+    return said.missing if isinstance(said, Reason) else ()
+
+
 class Unresolved(Exception):
-    """A value that the text does not give, so that a motion stays as it is; the message says why, for the user."""
+    """A value that the text does not give, so that a motion stays as it is; the message says why, for the user: see `Reason`."""
 
 
 # Motions that cannot be rewritten as they should, where one that stays as it was may keep others from changing.
@@ -830,13 +878,6 @@ def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Co
 
 # What a program needs and its files do not have, each once.
 
-_MISSING = re.compile(
-    r"unknown (?P<kind>tool|work object) '(?P<frame>[^']+)'|'(?P<data>[^']+)' is not declared in the files|"
-    r"(?:\$(?P<variable>TOOL|BASE): )?(?P<name>\S+) is not in the files given(?P<value>; pass the)?"
-)
-MissingKind = Literal["tool", "part", "data", "other"]
-_KINDS: Mapping[str, MissingKind] = {"tool": "tool", "work object": "part", "TOOL": "tool", "BASE": "part"}
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MissingName:
@@ -854,10 +895,7 @@ def missing_from(diagnostics: Iterable[Diagnostic]) -> tuple[MissingName, ...]:
     """Names that a program's files do not declare, in the order of the text."""
     found: dict[str, MissingName] = {}
     for diagnostic in diagnostics:
-        for match in _MISSING.finditer(diagnostic.text):
-            name = match["frame"] or match["data"] or match["name"]
-            among = match["kind"] or match["variable"] or name.partition("_DATA[")[0]
-            kind = _KINDS.get(among, "data" if match["value"] else "other")
+        for name, kind in missing_in(diagnostic.text):
             known = found.get(name, MissingName(name=name, kind=kind, count=0, place=diagnostic.place))
             found[name] = replace(known, count=known.count + 1)
     return tuple(found.values())
@@ -947,7 +985,21 @@ def _within(triple: tuple[float, float, float], near: tuple[float, float, float]
     return A, B, C
 
 
-# Orientations of a tool of which only the axis is known.
+# Files of points, which state no tool, or of its orientation only the axis.
+
+UNIT_TOLERANCE = 1e-3
+"""How far the length of a quaternion or a direction may be from one: such files round to a few digits."""
+
+
+def tool_of_points(path: Path, robot: Robot | None, tool: Frame | None) -> Frame:
+    """What the points of a file are of: the given tool, or the robot's own.
+
+    Raises:
+        FileError: neither is given.
+    """
+    if tool is None and robot is None:
+        raise FileError(path, "does not say what its positions are of; give the tool, or the robot")
+    return tool or Frame(name="", T=(robot or NO_ROBOT).T_flange_tool)
 
 
 def with_axis(axis: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:

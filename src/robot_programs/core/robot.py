@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
+from taskcal_groundwork import se3
 
 # What a reader of programs asks of the robot that it is given; any object that has it will do.
 

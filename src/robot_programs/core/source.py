@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from robot_programs.core.errors import FileError, shortened
-from robot_programs.core.files import read_bytes
+from taskcal_groundwork.errors import FileError, shortened
+from taskcal_groundwork.files import read_bytes
 
 MAX_LINE_LENGTH = 1_000_000
 """Characters; controllers take some hundreds, what is generated has some thousands."""

@@ -1,108 +1,17 @@
-"""Expressions that the languages have in common: how operands are joined, and what operators and functions make of values.
-
-A language says by a table how its operators bind, and reads operands itself.
-"""
+"""Values of data while a program runs, with the place in the text where their numbers stand; and what operators make of them."""
 
 import math
 import operator
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, TypeVar, cast
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, cast
 
+from robot_programs.core.form import Key, Span
 from robot_programs.core.program import Unresolved
-
-V = TypeVar("V")
-"""What a language makes of an expression: its tree, or its value."""
 
 MAX_DEPTH = 60
 """Brackets and blocks nested deeper than this are no program."""
-
-
-class OperandReader(ABC, Generic[V]):
-    """Reads operands that operators join, those that bind tighter first (precedence climbing)."""
-
-    BINDING: ClassVar[Mapping[str, int]]
-    """Operators between two values; those with higher numbers bind tighter."""
-    PREFIXES: ClassVar[Mapping[str, int]]
-    """Operators in front of one."""
-
-    depth = 0
-    """Brackets and blocks that are open."""
-    height = 0
-    """Values inside values of the expression read last."""
-
-    @property
-    @abstractmethod
-    def sign(self) -> str:
-        """The next word as an operator; anything else is none."""
-
-    @abstractmethod
-    def single(self) -> V:
-        """Read a value in which no operator is outside of brackets; sets `height`."""
-
-    @abstractmethod
-    def operation(self, start: int, sign: str, *operands: V) -> V:
-        """What an operator makes of operands.
-
-        Args:
-            start: first character of the first of them, or of the operator in front of it; the last one ends before the next word.
-            sign: the operator.
-            operands: one or two.
-        """
-
-    @abstractmethod
-    def take(self) -> Any:
-        """Read a word."""
-
-    @abstractmethod
-    def problem(self, what: str) -> Exception:
-        """An error at the next word."""
-
-    @property
-    @abstractmethod
-    def place(self) -> int:
-        """First character of the next word."""
-
-    def enter(self) -> None:
-        """Count a bracket or block that opens."""
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise self.problem(f"brackets or blocks are nested deeper than {MAX_DEPTH} at")
-
-    def grow(self, height: int) -> None:
-        """Note that the expression read last contains others of some height."""
-        self.height = height + 1
-        if self.height > MAX_DEPTH:
-            raise self.problem(f"an expression is nested deeper than {MAX_DEPTH} at")
-
-    def expression(self, weakest: int = 0) -> V:
-        """Read operands joined by operators that bind tighter than the weakest."""
-        self.enter()
-        try:
-            return self._joined(weakest)
-        finally:
-            self.depth -= 1
-
-    def _joined(self, weakest: int) -> V:
-        start, sign = self.place, self.sign
-        if self.PREFIXES.get(sign, -1) >= weakest:
-            self.take()
-            left = self.operation(start, sign, self.expression(self.PREFIXES[sign]))
-            self.grow(self.height)
-        else:
-            left = self.single()
-        height = self.height
-        while self.BINDING.get(sign := self.sign, 0) > weakest:
-            self.take()
-            right = self._joined(self.BINDING[sign])
-            left = self.operation(start, sign, left, right)
-            self.grow(max(height, self.height))
-            height = self.height
-        return left
-
-
-# Values.
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,6 +19,9 @@ class Lost:
     """In place of a value, or of a component of one, that the text does not give."""
 
     reason: str = field(compare=False)
+    """What is to be said behind the name of the datum that holds it."""
+    told: bool = field(default=False, compare=False)
+    """The reason is a whole sentence, whatever holds it."""
 
 
 def whole(value: Any) -> Any:
@@ -202,3 +114,218 @@ def applied(name: str, given: Sequence[float]) -> float:
     if not math.isfinite(value):
         raise Unresolved(f"{name}({', '.join(f'{v:g}' for v in given)}) has no value")
     return value
+
+
+# Values with the place in the text where their numbers stand.
+
+MAX_SIZE = 1_000_000
+"""Values in a value; an array of points has some ten thousand. One that is put into itself again and again has no end."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Origin:
+    """Where the numbers of a value stand."""
+
+    at: Span
+    owner: Key
+    """The datum that is declared there."""
+    path: tuple[Hashable, ...] = ()
+    """The part of it."""
+
+
+class Settable(float):
+    """A number of the controller's memory, which an operator may change by hand: it decides no branch."""
+
+    __slots__ = ()
+    plain: ClassVar[type[float]] = float
+    """Type of the same number elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class ByHand:
+    """A truth value or text of the controller's memory, as `Settable` is a number."""
+
+    value: bool | str
+
+
+@dataclass(frozen=True, slots=True)
+class Here:
+    """Where the robot is, whatever that is, in place of a value; no longer known once the robot has moved."""
+
+    name: str
+    """In the words of the language."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Structure:
+    """A value of parts: components by their names, or elements by their indices."""
+
+    kind: str
+    """Its type, in the words of the language."""
+    parts: Mapping[Hashable, Any]
+    rest: Any = None
+    """What each other part is, where any may be asked for."""
+    origin: Origin | None = None
+    """None where its numbers stand in several places, or none."""
+
+    @cached_property
+    def settable(self) -> frozenset[Hashable]:
+        """Parts in which an operator may change a number."""
+        return frozenset(name for name, part in self.parts.items() if is_settable(part))
+
+    @cached_property
+    def size(self) -> int:
+        """Values in it, those in its parts included."""
+        inner = [part for part in self.parts.values() if isinstance(part, Structure)]
+        return 1 + len(self.parts) - len(inner) + sum(part.size for part in inner)
+
+    @cached_property
+    def depth(self) -> int:
+        """Structures in structures."""
+        return 1 + max((part.depth for part in self.parts.values() if isinstance(part, Structure)), default=0)
+
+    def bounded(self) -> "Structure":
+        """Itself.
+
+        Raises:
+            Unresolved: it is too large.
+        """
+        if self.size > MAX_SIZE or self.depth > MAX_DEPTH:
+            raise Unresolved("it is too large to be followed")
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Structure):
+            return NotImplemented
+        mine, others = ((one.kind, one.rest, one.origin) for one in (self, other))
+        return self is other or (mine == others and self.parts == other.parts and self.settable == other.settable)
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash((self.kind, tuple(self.parts.items()), self.origin))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def part(self, name: Hashable) -> Any:
+        """A part; `Lost` where it is not known.
+
+        Raises:
+            Unresolved: it has none of this name.
+        """
+        found = self.parts.get(name, self.rest)
+        if found is None:
+            raise Unresolved(f"it has no part {name}")
+        return found
+
+    def with_part(self, path: Sequence[Hashable], value: Any, *, grows: bool = False) -> "Structure":
+        """The same with another value in a part of parts.
+
+        Args:
+            path: names of the parts.
+            value: the value.
+            grows: whether it may be one that is not there yet.
+
+        Raises:
+            Unresolved: there is no such part, or it would be too large.
+        """
+        name, *inner = path
+        if inner:
+            before = self.part(name)
+            if isinstance(before, Lost):  # a part of what is not known
+                return self
+            if not isinstance(before, Structure):
+                raise Unresolved(f"it has no parts {inner}")
+            value = before.with_part(inner, value, grows=grows)
+        elif name not in self.parts and self.rest is None and not grows:
+            raise Unresolved(f"it has no part {name}")
+        found = replace(self, parts={**self.parts, name: value}, origin=None)
+        before, after = (
+            one if isinstance(one, Structure) else None for one in (self.parts.get(name, self.rest), value)
+        )
+        # told by what changes: an array that is filled in a loop would take time by its square
+        found.__dict__["size"] = (
+            self.size + (after.size if after else 1) - (before.size if before else name in self.parts)
+        )
+        found.__dict__["depth"] = max(self.depth, 1 + after.depth if after else 1)
+        return found.bounded()
+
+
+def is_settable(value: Any) -> bool:
+    """Whether an operator may change a value by hand."""
+    return isinstance(value, Settable | ByHand) or (isinstance(value, Structure) and bool(value.settable))
+
+
+def by_hand(value: Any) -> Any:
+    """A number, truth value or text as one that an operator may change."""
+    match value:
+        case Settable():
+            return value
+        case float():
+            return Settable(value)
+        case bool() | str():
+            return ByHand(value)
+        case _:
+            return value
+
+
+def plain(value: Any) -> Any:
+    """A truth value or text, whoever may change it; anything else as it is."""
+    return value.value if isinstance(value, ByHand) else value
+
+
+def blurred(value: Any, paths: Iterable[Sequence[Hashable]], why: Mapping[Any, str]) -> Any:
+    """A value some of whose parts are not known.
+
+    Args:
+        value: as it is declared.
+        paths: to these parts, as far as they are stated.
+        why: of each of them, what is to be said behind its name.
+    """
+    for path in paths:
+        lost = Lost(reason=why[path])
+        if not path:
+            return replace(value, parts={}, rest=lost, origin=None) if isinstance(value, Structure) else lost
+        if isinstance(value, Structure):
+            value = value.with_part(path, lost)
+    return value
+
+
+def common(values: Sequence[Any], why: str) -> Any:
+    """What is known of a datum that holds one of several values; parts in which they agree are kept.
+
+    Args:
+        values: that it may hold.
+        why: why what differs is not known.
+    """
+    first, *others = values
+    if all(other is first or (type(other) is type(first) and other == first) for other in others):
+        return first
+    if len({_plain_type(v) for v in values}) == 1 and all(plain(v) == plain(first) for v in values):
+        settable = next(
+            (v for v in values if isinstance(v, Settable | ByHand)), None
+        )  # some of them in the controller's memory
+        if settable is not None:
+            return settable
+    if not all(_of_one_form(first, v) for v in values):
+        return next((v for v in values if isinstance(v, Lost)), Lost(reason=why))
+    names = dict.fromkeys(name for v in values for name in v.parts)
+    parts = {name: common([v.part(name) for v in values], why) for name in names}
+    return Structure(
+        kind=first.kind,
+        parts=parts,
+        rest=None if first.rest is None else common([v.rest for v in values], why),
+        origin=first.origin if parts == first.parts and all(v.origin == first.origin for v in others) else None,
+    )
+
+
+def _plain_type(value: Any) -> Any:
+    """Type of a value, whoever may change it."""
+    return value.plain if isinstance(value, Settable) else type(plain(value))
+
+
+def _of_one_form(a: Any, b: Any) -> bool:
+    """Whether two values have parts of the same names."""
+    if not isinstance(a, Structure) or not isinstance(b, Structure) or a.kind != b.kind:
+        return False
+    return a.parts.keys() == b.parts.keys() if a.rest is None or b.rest is None else True

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
-from robot_programs.core.flow import Block, Loop, Step, bodies_of, leaves_loop, lines_in, reached
+from robot_programs.core.flow import Block, Loop, Step, bodies_of, leaves_loop, lines_in
 from robot_programs.core.program import Motion, Paths, Visit, Waypoint
 from robot_programs.core.source import FreshNames, Source
+from taskcal_groundwork import se3
 
 # One value for several motions: of the least largest error.
 
@@ -106,16 +106,6 @@ class Turns:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Copy:
-    """A copy of a part of the text, such as a routine under another name."""
-
-    at: int
-    before: str
-    span: tuple[int, int]
-    named: Named
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Repeated:
     """A routine of which some calls get a copy of their own."""
 
@@ -123,11 +113,12 @@ class Repeated:
     at: int
     """Place of the copies."""
     before: str
+    """Text in front of each."""
     span: tuple[int, int]
     """Its text."""
     name: tuple[int, int]
     """Place of its name there."""
-    calls: tuple[tuple[Source, tuple[int, int]], ...]
+    calls: tuple[tuple[Source, tuple[int, int]], ...] = ()
     """Places at which these calls name it."""
 
 
@@ -137,7 +128,8 @@ class _Plan:
 
     fresh: FreshNames
     turns: list[Turns] = field(default_factory=list[Turns])
-    copies: list[Copy] = field(default_factory=list[Copy])
+    copies: list[tuple[Repeated, str]] = field(default_factory=list[tuple[Repeated, str]])
+    """Each under another name."""
     named: dict[tuple[int, int], str] = field(default_factory=dict[tuple[int, int], str])
 
 
@@ -159,8 +151,7 @@ def written_out(
         for source, place in one.calls:
             new = fresh.like(one.source.text[slice(*one.name)])
             plans[source.path].named[place] = new
-            copy = Copy(at=one.at, before=one.before, span=one.span, named={one.name: new})
-            plans[one.source.path].copies.append(copy)
+            plans[one.source.path].copies.append((one, new))
     new = [_written_out(source, plans[source.path]) for source in sources]
     if None in new and together:
         return None
@@ -191,10 +182,12 @@ class _Writer:
     """The next character begins a line."""
 
     def write(self, start: int, end: int, named: Named) -> None:
-        inside: list[tuple[int, int, str | Turns | Copy]] = [(*span, text) for span, text in named.items()]
+        inside: list[tuple[int, int, str | Turns | tuple[Repeated, str]]] = [
+            (*span, text) for span, text in named.items()
+        ]
         inside += [(one.start, one.end, one) for one in self.plan.turns]
         if (start, end) == (0, len(self.source.text)):  # copies are not copied again
-            inside += [(one.at, one.at, one) for one in self.plan.copies]
+            inside += [(one.at, one.at, (one, name)) for one, name in self.plan.copies]
         inside = [one for one in inside if start <= one[0] and one[1] <= end]
         at = start
         for first, behind, what in sorted(inside, key=lambda one: (one[0], -one[1])):
@@ -205,9 +198,9 @@ class _Writer:
             match what:
                 case str():
                     self._put(what, first, inserted=True)
-                case Copy():
-                    self._put(what.before, first, inserted=True)
-                    self.write(*what.span, {**named, **what.named})
+                case (copied, name):
+                    self._put(copied.before, first, inserted=True)
+                    self.write(*copied.span, {**named, copied.name: name})
                 case Turns():
                     for k, text in enumerate(what.before):
                         self._put(text, first, inserted=True)
@@ -251,16 +244,6 @@ def loops_to_write(
             taken = turns.get(node)
             if taken and len(taken) > 1 and not leaves_loop(body) and (not inner or counts(node)):
                 yield node, taken
-
-
-def reaching(texts: Iterable[tuple[Any, Any]], calls: Mapping[Any, Sequence[tuple[Any, Any]]]) -> set[Any]:
-    """Lines, and those that call the routines which they stand in, directly or by others.
-
-    Args:
-        texts: lines with their routines.
-        calls: by routine, the lines that call it, with their own routines.
-    """
-    return {line for line, _ in reached(texts, lambda one: calls.get(one[1], ()))}
 
 
 # Targets of loops in arrays.

@@ -1,18 +1,28 @@
-"""Data lists: the points, frames and parameter sets that a KRL program names."""
+"""What the files of a KRL program state: the points, frames and parameter sets that it names; its routines, and what these call."""
 
+import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
-from robot_programs.core.errors import InputError, shown
-from robot_programs.core.program import Frame, Motion, Unresolved, angled_pose, pose_numbers, rotations
+from robot_programs.core.flow import Effects, Thing, with_called
+from robot_programs.core.form import Text
+from robot_programs.core.program import (
+    MissingKind,
+    Motion,
+    Reason,
+    Unresolved,
+    angled_pose,
+    pose_numbers,
+    rotations,
+)
 from robot_programs.core.source import Place, Source, TextEdit, renumbered
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -23,21 +33,21 @@ from robot_programs.krl.syntax import (
     Control,
     Declaration,
     End,
+    MotionLine,
     Operand,
     Reference,
     Statement,
+    Word,
     bit_string,
     given_by_value,
     lines_of_words,
     parse,
     passed_in,
 )
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import InputError, shown
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
-
-
-Text = tuple[int, int]
-"""A line of the program, by number of the file and first character."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,6 +169,11 @@ class Datum:
     """First characters at which a routine declares arrays of its own, and sets elements of this one."""
 
     @property
+    def variable(self) -> str:
+        """Its name without an index."""
+        return self.name.partition("[")[0]
+
+    @property
     def aggregate(self) -> Aggregate:
         """Value of a variable that is a structure."""
         assert isinstance(self.value, Aggregate)
@@ -275,6 +290,7 @@ def plain_value(text: str) -> float | bool | None:
 POSE = ("X", "Y", "Z", "A", "B", "C")
 AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
 EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+STATUS = ("S", "T")
 
 # KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
 DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys((*AXES, *EXTERNAL), 6)}
@@ -290,6 +306,16 @@ def has_axes(aggregate: Aggregate) -> bool:
     return any(component.name in AXES for component in aggregate.fields)
 
 
+def numbers_in(aggregate: Aggregate) -> dict[str, float]:
+    """Components that are numbers."""
+    return {component.name: component.value for component in aggregate.fields if component.value is not None}
+
+
+def has_status(aggregate: Aggregate) -> bool:
+    """Whether status or turn is stated."""
+    return any(component.name in STATUS for component in aggregate.fields)
+
+
 def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:
     """The pose that a complete position states, metres.
 
@@ -297,6 +323,17 @@ def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.nd
         Unresolved: a needed component is missing or no number.
     """
     return angled_pose(*(_stated(aggregate, name, needed) for name in POSE))
+
+
+def frame(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:
+    """A frame that is added by ``:``; what it leaves out is zero.
+
+    Raises:
+        Unresolved: it is none.
+    """
+    if not has_pose(aggregate):
+        raise Unresolved("what is added by ':' is not a frame")
+    return pose(aggregate, needed=())
 
 
 def literal_poses(rows: Float[np.ndarray, "n 6"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
@@ -370,7 +407,7 @@ def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
 
 def _field_text(name: str, text: str, was: float, value: float) -> str:
     """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
-    if name in ("S", "T"):
+    if name in STATUS:
         return text if was == value else _integer(text, int(value))
     return renumbered(text, was, value, DECIMALS[name])
 
@@ -384,8 +421,9 @@ def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[TextEdi
     """The edits that give a position's components other values; those without a number of their own stay as they are."""
     out: list[TextEdit] = []
     for stated in aggregate.fields:
-        if stated.name in values and stated.value is not None:
-            text = _field_text(stated.name, stated.text, stated.value, values[stated.name])
+        value = values.get(stated.name, stated.value)
+        if value is not None and stated.value is not None and value != stated.value:
+            text = _field_text(stated.name, stated.text, stated.value, value)
             if text != stated.text:
                 blank = " " if stated.touches else ""
                 out.append(TextEdit(start=stated.start, end=stated.end, text=blank + text))
@@ -395,107 +433,72 @@ def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[TextEdi
 BUILT_IN = "BAS"
 """KUKA's own routine for motion parameters, and its module: what it does is known, whether or not its text is passed."""
 
-TABLES = ("TOOL_DATA", "BASE_DATA")
+TABLES: Mapping[str, MissingKind] = {"TOOL_DATA": "tool", "BASE_DATA": "part"}
 """The controller's tools and bases."""
 
-READ = frozenset({*POSE, *AXES, *EXTERNAL, "S", "T", "TOOL_NO", "BASE_NO", "IPO_FRAME"})
+READ = frozenset({*POSE, *AXES, *EXTERNAL, *STATUS, "TOOL_NO", "BASE_NO", "IPO_FRAME"})
 """Components of points, frames and parameter sets that matter for where the robot goes."""
 
+PLACES = ("$POS_ACT", "$AXIS_ACT", "$POS_ACT_MES", "$AXIS_ACT_MES", "$AXIS_ACT_MEAS", "$POS_ACT_MEAS")
+"""Where the robot is."""
 
-class NotInFiles(Unresolved):
-    """A variable that no data list states, and that nothing in the files changes."""
+TOOL, BASE, MODE, ORIENTATION, PARAMETERS = "$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT"
+SETTINGS = {
+    "tool": TOOL, "base": BASE, "mode": MODE, "orientation": ORIENTATION, "speed": "$VEL.CP", "turn speed": "$VEL.ORI1",
+    "distance": "$APO.CDIS", "share": "$APO.CPTP",
+}  # fmt: skip
+"""On what motions depend beside their points, by the controller's names."""
+STATE = frozenset({PARAMETERS, *SETTINGS.values()})
+"""What of the controller's state is followed from line to line, whatever a data list says of it."""
 
-    SAYS = "is not in the files given"
-
-    @classmethod
-    def is_said(cls, reason: str) -> bool:
-        """Whether a reason is this one."""
-        return cls.SAYS in reason
+_ORIENTS = re.compile(r"#(?:CONSTANT|JOINT|IGNORE)\b|\$ORI_TYPE\s*=(?!\s*(?:#VAR|SORI_TYP)\b)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Data:
-    """Data lists of a program, and what its code changes of them."""
+class Names:
+    """What names of variables mean in the routines of a program, and what data lists state of them."""
 
     files: tuple[File, ...]
-    given: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
-    """By name in capitals: tools and bases that no data list states, given beside the files."""
-    roots: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
-    """By name of a routine: the routines that nothing calls, from which it is reached."""
-    elements: Mapping[tuple[int, int], frozenset[str]] = field(default_factory=dict[tuple[int, int], frozenset[str]])
-    """By file and first character of an assignment by a computed index: the elements that it sets, where that is known."""
-    refused: set[str] = field(default_factory=set[str])
-    """Variables that were asked for in vain, because code changes them."""
-    taken: dict[str, set[str]] = field(default_factory=lambda: defaultdict[str, set[str]](set))
-    """By name of what is stated beside the files: the programs that take it."""
-    set_elsewhere: dict[str, Place] = field(default_factory=dict[str, Place])
-    """Tools and bases that were taken as the data list states them, and where a program of its own changes them."""
 
     @cached_property
-    def _own(self) -> dict[tuple[str, str, bool], Datum]:
-        """By module and name, apart for structures and for numbers and truth values."""
-        return {
-            (file.module, datum.name, isinstance(datum.value, Aggregate)): datum
-            for file in self.files
-            for datum in stated(file)
-        }
+    def routines(self) -> "Routines":
+        """The routines by name, which routines of several files may share."""
+        out: dict[str, list[Routine]] = {}
+        for file in self.files:
+            for routine in file.sections if not file.holds_data and file.module != BUILT_IN else ():
+                if routine.head is not None:
+                    out.setdefault(routine.name, []).append(routine)
+        return out
 
     @cached_property
-    def _shared(self) -> dict[tuple[str, bool], Datum]:
-        return {(name, structure): datum for (_, name, structure), datum in self._own.items() if datum.shared}
-
-    def _meant(self, name: str, module: str, routine: str, *, structure: bool) -> Datum | None:
-        """What a name means in a routine, as data lists state it; None where they do not."""
-        if (module, routine, name.partition("[")[0]) in self._local:
-            return None
-        datum = self._own.get((module, name, structure), self._shared.get((name, structure)))
-        if datum is not None and datum.file.source.path == GIVEN:
-            self.taken[name].add(module)
-        return datum
-
-    @cached_property
-    def _local(self) -> set[tuple[str, str, str]]:
-        """By module and routine: variables that a routine declares for itself, and what it is given; no other knows them."""
-        return {
-            (file.module, routine.name, name)
-            for file in self.files
-            if not file.holds_data
-            for routine in file.sections
-            for name in routine.own
-        }
-
-    @cached_property
-    def set_once(self) -> Mapping[tuple[Routine, str], Datum]:
-        """Elements of arrays that routines set once, by routine and name."""
-        routines = (routine for file in self.files if not file.holds_data for routine in file.sections)
-        return {(routine, datum.name): datum for routine in routines for datum in set_once(routine)}
+    def roots(self) -> Mapping[str, frozenset[str]]:
+        """By name of routines: those that nothing calls, from which they are reached; themselves where nothing calls them."""
+        calls = {name: _called(same, self.routines) for name, same in self.routines.items()}
+        for routine, line in declared_in(self.routines).values():  # what runs beside its lines may call some, too
+            calls[routine.name] |= frozenset(_called_by_action(line))
+        callers = Effects(own=dict.fromkeys(calls, frozenset[str]()), calls=calls).callers
+        own = {name: frozenset() if others else frozenset({name}) for name, others in callers.items()}
+        return with_called({name: (own[name], others) for name, others in callers.items()})
 
     @cached_property
     def always(self) -> frozenset[str]:
         """Routines of the submit interpreter, which runs beside every program."""
         return frozenset(line.name for file in self.files if file.submits for line in file.heads)
 
+    def is_apart(self, routine: str, other: str) -> bool:
+        """Whether no run of the program comes through both of two routines."""
+        roots, others = (self.roots.get(name, frozenset[str]()) for name in (routine, other))
+        return bool(roots) and bool(others) and not roots & others and not others & self.always
+
+    @cached_property
+    def orients(self) -> bool:
+        """Whether lines and arcs may turn the tool otherwise than to the orientation of their end, by $ORI_TYPE."""
+        return any(_ORIENTS.search(file.source.text) for file in self.files if file.module != BUILT_IN)
+
     @cached_property
     def by_value(self) -> Mapping[str, tuple[bool, ...]]:
         """By name of a routine: which of its parameters are given by value."""
         return given_by_value(line for file in self.files for line in file.statements)
-
-    @cached_property
-    def _changed(self) -> dict[str, list[tuple[str, str, Place]]]:
-        """By variable or element: module and routine in which code assigns it or hands it to a routine, and where."""
-        out: dict[str, list[tuple[str, str, Place]]] = {}
-        for file in self.files:
-            if file.holds_data or file.module == BUILT_IN:
-                continue
-            for routine, line in ((one, line) for one in file.sections for line in one.lines):
-                names = _changed_by(line, self.by_value)
-                if isinstance(line, Assignment) and (file.number, line.start) in self.elements:
-                    names = (*self.elements[file.number, line.start], *passed_in(line, self.by_value))
-                for name in names:
-                    if name.partition("[")[0] not in routine.own:
-                        place = file.source.place(line.start)
-                        out.setdefault(name, []).append((file.module, routine.name, place))
-        return out
 
     @cached_property
     def whole_numbers(self) -> frozenset[str]:
@@ -516,24 +519,71 @@ class Data:
         """By module: variables of its own data list, of which other programs know nothing."""
         out: dict[str, set[str]] = {}
         for file in self.files:
-            for line in file.statements if file.holds_data and not file.serves_all else ():
-                if isinstance(line, Declaration) and not line.shared:
-                    out.setdefault(file.module, set()).update(variable.name for variable in line.variables)
+            if not file.holds_data or file.serves_all:
+                continue
+            own, shared = set[str](), set[str]()
+            for line in file.statements:
+                if isinstance(line, Declaration):
+                    (shared if line.shared else own).update(variable.name for variable in line.variables)
+            own.update(datum.variable for datum in stated(file))
+            out.setdefault(file.module, set()).update(own - shared)
         return {module: frozenset(names) for module, names in out.items()}
 
     @cached_property
-    def _for_all(self) -> frozenset[str]:
-        """Variables of data lists that all programs know, with a value or without."""
-        files = (file for file in self.files if file.holds_data)
-        lines = ((file, line) for file in files for line in file.statements if isinstance(line, Declaration))
-        return frozenset(v.name for file, line in lines if line.shared or file.serves_all for v in line.variables)
+    def declared(self) -> frozenset[str]:
+        """Keys of variables that data lists declare."""
+        files = [file for file in self.files if file.holds_data]
+        return frozenset(
+            self.key_in(file.module, variable.name)
+            for file in files for line in file.statements if isinstance(line, Declaration) for variable in line.variables
+        )  # fmt: skip
 
-    def number(self, name: str, module: str, routine: str = "") -> float | bool | None:
+    @cached_property
+    def data(self) -> Mapping[str, Mapping[str, Datum]]:
+        """What data lists state, by key of a variable and index; the index of a variable itself is empty."""
+        out: dict[str, dict[str, Datum]] = {}
+        for file in self.files:
+            for datum in stated(file):
+                index = datum.name[len(datum.variable) :].strip("[]")
+                out.setdefault(self.key_in(file.module, datum.variable), {})[index] = datum
+        return out
+
+    @cached_property
+    def set_once(self) -> Mapping[Text, Datum]:
+        """Elements of arrays that routines set once, by the place of the value."""
+        routines = [routine for file in self.files if not file.holds_data for routine in file.sections]
+        return {
+            (datum.file.number, datum.aggregate.start): datum for routine in routines for datum in set_once(routine)
+        }
+
+    def key(self, routine: Routine, name: str) -> str:
+        """Key of a variable among all variables of the program, by its name in a routine."""
+        return f"{routine.prefix}{name}" if name in routine.own else self.key_in(routine.file.module, name)
+
+    def key_in(self, module: str, name: str) -> str:
+        """Key of a variable by its name in a module."""
+        own = name not in STATE and name in self.listed.get(module, ())
+        return f"{module}:{name}" if own else name
+
+    @cached_property
+    def changed(self) -> dict[str, list[tuple[Routine, Place, str]]]:
+        """By key of a variable: routines that assign it, or hand it to a routine, where, and which element if that is stated."""
+        out: dict[str, list[tuple[Routine, Place, str]]] = {}
+        for file in self.files:
+            if file.holds_data or file.module == BUILT_IN:
+                continue
+            for routine, line in ((one, line) for one in file.sections for line in one.lines):
+                for name in _changed_by(line, self.by_value):
+                    place = file.source.place(line.start)
+                    out.setdefault(self.key(routine, name.partition("[")[0]), []).append((routine, place, name))
+        return out
+
+    def number(self, routine: Routine, name: str) -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
-        datum = self._meant(name, module, routine, structure=False)
-        if datum is None or self._changed.keys() & {name, name.partition("[")[0]}:
+        key = self.key(routine, name)
+        datum = self.data.get(key, {}).get("")
+        if datum is None or key in self.changed or isinstance(datum.value, Aggregate):
             return None
-        assert not isinstance(datum.value, Aggregate)
         return datum.value
 
     @cached_property
@@ -564,51 +614,20 @@ class Data:
         Raises:
             Unresolved: code sets it in several ways, or to something that is no frame.
         """
-        if "$ROBROOT" not in self._changed:
-            stated = self._shared.get(("$ROBROOT", True))
-            return None if stated is None else pose(stated.aggregate)
+        name = "$ROBROOT"
+        if name not in self.changed:
+            datum = self.data.get(name, {}).get("")
+            return None if datum is None or not isinstance(datum.value, Aggregate) else pose(datum.value)
         lines = [
             line
             for file in self.files
             for line in file.statements
-            if not file.holds_data and isinstance(line, Assignment) and line.variable == "$ROBROOT"
+            if not file.holds_data and isinstance(line, Assignment) and line.variable == name
         ]
-        aggregate = aggregate_of(lines[0].value) if len(lines) == 1 and lines[0].name == "$ROBROOT" else None
+        aggregate = aggregate_of(lines[0].value) if len(lines) == 1 and lines[0].name == name else None
         if aggregate is None:
-            raise Unresolved(f"$ROBROOT is changed by the program, at {self._changed['$ROBROOT'][0][2]}")
+            raise Unresolved(f"{name} is changed by the program, at {self.changed[name][0][1]}")
         return pose(aggregate)
-
-    def find(self, name: str, module: str, routine: str = "") -> Datum:
-        """The variable that a name means in a module, or in one of its routines.
-
-        Raises:
-            Unresolved: no data list states it, or the program changes it.
-        """
-        variable = name.partition("[")[0]
-        datum = self._meant(name, module, routine, structure=True)
-        elements = dict.fromkeys((name, variable))  # in one order, so that one place is named each time
-        for where, changing, place in (change for element in elements for change in self._changed.get(element, [])):
-            if datum is not None and variable in TABLES and self.apart(routine, changing):
-                self.set_elsewhere.setdefault(name, place)
-            elif where == module or (datum is not None and datum.shared):
-                self.refused.add(variable)
-                raise Unresolved(f"{name} is changed by the program, at {place}")
-        if datum is None and (module, routine, variable) in self._local:
-            raise Unresolved(f"{name} is a variable of the program's own, whose value is known only at run time")
-        declared = self.listed.get(module, frozenset()) | self._for_all
-        if datum is None and variable not in TABLES and variable in declared:
-            raise Unresolved(f"{name} has no value in its data list, so that it is known only at run time")
-        if datum is None and variable.startswith("$"):
-            raise Unresolved(f"{name} is known only at run time")
-        if datum is None:
-            files = "$config.dat" if variable in TABLES else "the .dat that states it"
-            raise NotInFiles(f"{name} {NotInFiles.SAYS}; pass {files}")
-        return datum
-
-    def apart(self, routine: str, other: str) -> bool:
-        """Whether no run of the program comes through both of two routines."""
-        roots, others = self.roots.get(routine, frozenset()), self.roots.get(other, frozenset())
-        return bool(roots) and bool(others) and not roots & others and not others & self.always
 
 
 def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
@@ -639,3 +658,235 @@ def _element(line: Assignment) -> tuple[str, ...]:
     if component and component not in READ:
         return ()
     return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
+
+
+# Routines: what each alters, which calls which, and what may run beside their lines.
+
+Routines = Mapping[str, Sequence[Routine]]
+"""The routines of each name, which several files may have."""
+Declared = Mapping[Text, tuple[Routine, Beside]]
+"""By file and first character, the lines that declare an action, with their routines."""
+
+
+def calls_of(line: Statement) -> tuple[str, ...]:
+    """Names that a line calls: of a routine, or of functions in its expressions."""
+    match line:
+        case Call():
+            words = (word for argument in line.arguments for word in (*argument, None))
+            return (line.name, *_before_parentheses(tuple(words)))
+        case Assignment() | Control() | MotionLine():
+            return _before_parentheses(line.words)
+        case _:
+            return ()
+
+
+def _before_parentheses(words: Sequence[Word | None]) -> tuple[str, ...]:
+    return tuple(
+        a.upper for a, b in pairwise(words) if a is not None and b is not None and a.kind == "name" and b.text == "("
+    )
+
+
+def only_computes(routine: Routine, routines: Container[str]) -> bool:
+    """Whether a call of a routine can be left out, once its value is known: it sets variables of its own and nothing else."""
+    for line in routine.lines:
+        match line:
+            case Declaration():
+                continue
+            case Assignment() if line.variable in routine.declared:
+                pass
+            case Control():
+                pass
+            case _:
+                return False
+        if any(name in routines for name in calls_of(line)):
+            return False
+    return True
+
+
+def _through_calls(routines: Routines, own: Callable[[Routine], Iterable[Thing]]) -> dict[str, frozenset[Thing]]:
+    """What the routines of each name have, by themselves or by those that they call."""
+    return with_called(
+        {
+            name: (frozenset(thing for r in same for thing in own(r)), _called(same, routines))
+            for name, same in routines.items()
+        }
+    )
+
+
+def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozenset[str]:
+    return frozenset(name for r in same for line in r.lines for name in calls_of(line) if name in routines)
+
+
+def _resuming(routines: Routines, declared: Declared) -> dict[str, frozenset[Text]]:
+    """By name of a routine: interrupts that it declares whose routine resumes, which leaves what it calls."""
+    resumes = _through_calls(
+        routines, lambda r: (x.start for x in r.lines if isinstance(x, Control) and x.keyword == "RESUME")
+    )
+    return {
+        name: frozenset(
+            text
+            for text, (routine, line) in declared.items()
+            if routine.name == name
+            and line.keyword == "INTERRUPT"
+            and any(resumes.get(called) for called in _called_by_action(line))
+        )
+        for name in {routine.name for routine, _ in declared.values()}
+    }
+
+
+# Actions that run beside the lines of a KRL program: interrupts, TRIGGER, and analog signals that are followed.
+#
+# From the line that starts an action (INTERRUPT ON, TRIGGER, ANIN ON) to the one that ends it (INTERRUPT OFF, ANIN
+# OFF), it may run between any two lines (KUKA System Software, interrupt programming; cyclic analog inputs and
+# outputs; path-related switching actions). A TRIGGER runs once, but the advance run does not tell before which
+# line.
+
+HARMLESS = frozenset({"IR_STOPM"})
+"""Routines of KUKA's own interrupts, which every controller has; as delivered they set neither frames nor points."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Actions:
+    """The actions of a program, by number of the file and first character of the line that declares them."""
+
+    declared: Declared = field(default_factory=dict[Text, tuple[Routine, Beside]])
+    resuming: Mapping[str, frozenset[Text]] = field(default_factory=dict[str, frozenset[Text]])
+    """By name of a routine: interrupts that it declares, and that leave what it calls."""
+    started: Mapping[Text, frozenset[Text]] = field(default_factory=dict[Text, frozenset[Text]])
+    """By line that starts some: those, and those that they start themselves."""
+    ended: Mapping[Text, frozenset[Text]] = field(default_factory=dict[Text, frozenset[Text]])
+    """By line that ends some."""
+    local: Mapping[str, frozenset[Text]] = field(default_factory=dict[str, frozenset[Text]])
+    """By name of a routine: interrupts that it declares for itself and those it calls, which end where it ends."""
+    missing: Mapping[Text, tuple[str, ...]] = field(default_factory=dict[Text, tuple[str, ...]])
+    """By line that starts some: diagnostics of routines and interrupts that the files do not have."""
+
+
+def declared_in(routines: Routines) -> Declared:
+    """The lines that declare an action, with their routines."""
+    return {
+        _text(routine, line): (routine, line)
+        for same in routines.values()
+        for routine in same
+        for line in routine.lines
+        if isinstance(line, Beside) and line.action is not None
+    }
+
+
+def actions_of(names: Names) -> Actions:
+    """The actions of a program."""
+    routines = names.routines
+    declared = declared_in(routines)
+    lines = [(r, line) for same in routines.values() for r in same for line in r.lines if isinstance(line, Beside)]
+    if not lines:
+        return Actions()
+    meant = _Meant(names=names, declared=declared)
+    started: dict[Text, frozenset[Text]] = {}
+    ended: dict[Text, frozenset[Text]] = {}
+    missing: dict[Text, tuple[str, ...]] = {}
+    for routine, line in lines:
+        found, text = meant.by(routine, line), _text(routine, line)
+        if line.verb == "ON":
+            started[text] = found
+            missing[text] = tuple(_missing(line, [declared[of][1].action for of in sorted(found)], routines))
+        elif line.verb == "OFF":
+            ended[text] = (
+                found if not line.number else frozenset(of for of in found if meant.certain(routine, line, of))
+            )
+    local = {
+        name: frozenset(
+            text for text, (r, line) in declared.items() if r.name == name and line.verb == "DECL" and not line.shared
+        )
+        for name in routines
+    }
+    return Actions(
+        declared=declared,
+        resuming=_resuming(routines, declared),
+        started=started,
+        ended=ended,
+        local=local,
+        missing={text: said for text, said in missing.items() if said},
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Meant:
+    """Which declarations a line that starts or ends actions may mean."""
+
+    names: Names
+    declared: Declared
+
+    @cached_property
+    def reachable(self) -> dict[str, frozenset[Text]]:
+        """By name of a routine: interrupts that it and those that it calls declare."""
+        declares = {text for text, (_, line) in self.declared.items() if line.verb == "DECL"}
+        return _through_calls(self.names.routines, lambda r: declares.intersection(_text(r, line) for line in r.lines))
+
+    def by(self, routine: Routine, line: Beside) -> frozenset[Text]:
+        """Declarations of an interrupt in the routine and the ones it calls, else any of that number."""
+        if line.keyword != "INTERRUPT":
+            if line.verb == "ON":
+                return frozenset({_text(routine, line)}).intersection(self.declared)
+            names = _spelled(line)
+            return frozenset(
+                text
+                for text, (_, other) in self.declared.items()
+                if other.keyword == line.keyword and _within(names, _spelled(other))
+            )
+        everywhere = frozenset(text for text, (_, other) in self.declared.items() if other.verb == "DECL")
+        number = self._number(routine, line)
+        for texts in (self.reachable[routine.name], everywhere):
+            if not line.number or number is None:
+                found = texts
+            else:
+                found = frozenset(text for text in texts if self._number(*self.declared[text]) in (number, None))
+            if found:
+                return found
+        return frozenset()
+
+    def certain(self, routine: Routine, line: Beside, text: Text) -> bool:
+        """Whether a line that ends actions ends that one for sure."""
+        if line.keyword != "INTERRUPT":
+            return True
+        number = self._number(routine, line)
+        return number is not None and self._number(*self.declared[text]) == number
+
+    def _number(self, routine: Routine, line: Beside) -> float | bool | None:
+        """The number of an interrupt; None where the text does not give it."""
+        if len(line.number) != 1:
+            return None
+        (word,) = line.number
+        if word.kind == "number":
+            return plain_value(word.text)
+        return self.names.number(routine, word.upper)
+
+
+def _text(routine: Routine, line: Statement) -> Text:
+    return routine.file.number, line.start
+
+
+def _called_by_action(line: Beside) -> tuple[str, ...]:
+    return () if line.action is None else calls_of(line.action)
+
+
+def _spelled(line: Beside) -> list[str]:
+    return [word.upper for word in line.number]
+
+
+def _within(names: Sequence[str], words: Sequence[str]) -> bool:
+    """Whether the words of a signal's name stand in a row among those of the line that follows it."""
+    return any(list(words[i : i + len(names)]) == list(names) for i in range(len(words) - len(names) + 1))
+
+
+def _missing(line: Beside, actions: Sequence[Statement | None], routines: Routines) -> Iterable[str]:
+    """Diagnostics of what a line starts and the files do not have."""
+    leaves = "is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
+    names = dict.fromkeys(action.name for action in actions if isinstance(action, Call))
+    for name in names:
+        if name not in routines and name not in HARMLESS:
+            yield Reason(
+                f"{name} is not in the files given; the {line.keyword} that calls it {leaves}", (name, "other")
+            )
+    if not actions and line.keyword == "INTERRUPT" and line.number:
+        number = "".join(word.text for word in line.number)
+        yield f"interrupt {number} is declared in none of the files given; it {leaves}"

@@ -1,32 +1,21 @@
 """The grammar of KRL: words, lines and blocks, as far as they matter for where the robot goes; other lines are passed over."""
 
 import re
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-from robot_programs.core.flow import (
-    Arm,
-    Block,
-    Body,
-    Branches,
-    Group,
-    Label,
-    Leave,
-    Loop,
-    Node,
-    Step,
-    labels_of,
-)
+from robot_programs.core import kit
+from robot_programs.core.kit import Word, Words, opens, parted
 
 # The words of KRL, line by line; comments and file headers have none.
 
 # KRL is ASCII outside of comments and strings; whatever else occurs is one symbol, so that every text has words.
 _WORD = re.compile(
     r"""
-    (?P<blank>  [ \t\r\f\v\xa0\ufeff]+ | ;.* )
+    (?P<space>  [ \t\r\f\v\xa0\ufeff]+ | ;.* )
   | (?P<number> (?: [0-9]+ (?: \.[0-9]* )? | \.[0-9]+ ) (?: [Ee][+-]?[0-9]+ )? )
   | (?P<name>   [A-Za-z_$] [A-Za-z0-9_$]* )
   | (?P<enum>   \# [A-Za-z_] [A-Za-z0-9_]* )
@@ -37,42 +26,21 @@ _WORD = re.compile(
 )
 
 
-class Word(NamedTuple):
-    """A number, name, enumeration constant, string or symbol."""
-
-    kind: str
-    text: str
-    start: int
-    """First character in the file's text."""
-    end: int
-    """Behind the last one."""
-
-    @property
-    def upper(self) -> str:
-        """KRL does not tell capital from small letters."""
-        return self.text.upper()
-
-
 def lines_of_words(text: str) -> Iterator[list[Word]]:
     """The words of every line that has some."""
     start = 0
     while start < len(text):
         end = text.find("\n", start)
         end = len(text) if end < 0 else end
-        words = _words(text, start, end)
-        if words:
+        words = words_of(text, start, end)
+        if words and not text.startswith("&", start):
             yield words
         start = end + 1
 
 
-def _words(text: str, start: int, end: int) -> list[Word]:
-    if text.startswith("&", start):
-        return []
-    return [
-        Word(kind, match[0], *match.span())
-        for match in _WORD.finditer(text, start, end)
-        if (kind := match.lastgroup) and kind != "blank"
-    ]
+def words_of(text: str, start: int, end: int) -> list[Word]:
+    """The words of a part of a text, in one line."""
+    return list(kit.words(_WORD, text[start:end], start))
 
 
 def bit_string(text: str) -> float | None:
@@ -292,64 +260,26 @@ class Control(Statement):
 # The words of a line of KRL, taken one after the other: operands, structures and what WITH sets.
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
+_BEHIND_OPERANDS = (",", *PASSING, *FRAMES_OF_DISTANCES, "WITH")
 QUOTES = frozenset("'\"")
 
 
-class Cursor:
+class Cursor(Words):
     """The words of a line, one after the other."""
-
-    def __init__(self, words: Sequence[Word]):
-        self._words = words
-        self._uppers = [word.text.upper() for word in words]
-        self._next = 0
-
-    @property
-    def done(self) -> bool:
-        """Whether all words are taken."""
-        return self._next >= len(self._words)
-
-    @property
-    def next(self) -> str:
-        """The next word in capitals; empty where all are taken."""
-        return "" if self.done else self._uppers[self._next]
-
-    @property
-    def behind(self) -> str:
-        """The word behind the next one."""
-        return self._words[self._next + 1].text if self._next + 1 < len(self._words) else ""
-
-    def at(self, text: str) -> bool:
-        """Whether a symbol comes next."""
-        return not self.done and self._uppers[self._next] == text
-
-    def at_name(self, names: set[str]) -> bool:
-        """Whether one of some names comes next."""
-        return self.next in names
 
     def at_kind(self, kind: str) -> bool:
         """Whether a word of a kind comes next."""
-        return not self.done and self._words[self._next].kind == kind
-
-    def take(self) -> Word:
-        """The next word."""
-        self._next += 1
-        return self._words[self._next - 1]
-
-    def accept(self, text: str) -> bool:
-        """Take a symbol, if it comes next."""
-        matches = self.at(text)
-        self._next += matches
-        return matches
+        return self.next.kind == kind
 
     def skip_to(self, *stops: str) -> None:
         """Pass over words up to one that stops, outside of any bracket."""
         depth = 0
-        for i in range(self._next, len(self._words)):
-            if depth == 0 and self._uppers[i] in stops:
-                self._next = i
+        for i in range(self.number, len(self.words)):
+            if depth == 0 and self.words[i].upper in stops:
+                self.number = i
                 return
-            depth += _opens(self._words[i])
-        self._next = len(self._words)
+            depth += opens(self.words[i])
+        self.number = len(self.words)
 
     def skip_brackets(self) -> None:
         """Pass over an index or a size."""
@@ -360,7 +290,7 @@ class Cursor:
     def settings(self) -> dict[str, tuple[Word, ...]]:
         """Assignments behind WITH, by the name of what they set."""
         out: dict[str, tuple[Word, ...]] = {}
-        while not self.done and not self.at_name(PASSING):
+        while not self.done and not self.at(*PASSING):
             name = "".join(word.upper for word in self.taken_to("=", *PASSING))
             self.accept("=")
             out[name] = self.taken_to(",", *PASSING)
@@ -369,16 +299,16 @@ class Cursor:
 
     def taken_to(self, *stops: str) -> tuple[Word, ...]:
         """Words up to one that stops, outside of any bracket."""
-        start = self._next
+        start = self.number
         self.skip_to(*stops)
-        return tuple(self._words[start : self._next])
+        return tuple(self.words[start : self.number])
 
     def operand(self) -> Operand:
         """Aggregates and variables joined by colons; no parts where it is anything else."""
         if self.done:
-            last = self._words[-1].end if self._words else 0
+            last = self.words[-1].end if self.words else 0
             return Operand(parts=(), start=last, end=last)
-        start = self._next
+        start = self.number
         parts: list[Aggregate | Reference] = []
         known = True
         while True:
@@ -389,24 +319,23 @@ class Cursor:
             parts.append(part)
             if not self.accept(":"):
                 break
-        if not (self.done or self.at(",") or self.at_name({*PASSING, *FRAMES_OF_DISTANCES, "WITH"})):
+        if not known or not (self.done or self.at(*_BEHIND_OPERANDS)):
             known = False
-        if not known:
-            self.skip_to(",", *PASSING, *FRAMES_OF_DISTANCES, "WITH")
-        words = self._words[start : max(self._next, start + 1)]
+            self.skip_to(*_BEHIND_OPERANDS)
+        words = self.words[start : max(self.number, start + 1)]
         return Operand(parts=tuple(parts) if known else (), start=words[0].start, end=words[-1].end)
 
     def _part(self) -> Aggregate | Reference | None:
         if self.at("{"):
             return self._aggregate()
-        if not self.at_kind("name") or self.at_name({*PASSING, "WITH"}):
+        if not self.at_kind("name") or self.at(*PASSING, "WITH"):
             return None
         name = self.take()
         if not self.at("["):
             return Reference(name=name.upper, start=name.start, end=name.end)
-        opening = self._next
+        opening = self.number
         self.skip_brackets()
-        words = self._words[opening : self._next]
+        words = self.words[opening : self.number]
         if words[-1].text != "]" or len(words) < 3 or self.at("."):
             return None
         plain = len(words) == 3 and words[1].kind == "number"
@@ -420,7 +349,7 @@ class Cursor:
     def _aggregate(self) -> Aggregate | None:
         opening = self.take()
         kind = ""
-        if self.at_kind("name") and self.behind == ":":
+        if self.at_kind("name") and self.behind_next.text == ":":
             kind = self.take().upper
             self.take()
         fields: dict[str, Field] = {}
@@ -437,19 +366,15 @@ class Cursor:
         if not self.at_kind("name"):
             return None
         name = self.take()
-        start = self._next
-        number = start + (self.next in ("+", "-"))
-        if (
-            number + 1 < len(self._words)
-            and self._words[number].kind == "number"
-            and self._uppers[number + 1] in (",", "}")
-        ):
-            behind, self._next = name.end, number + 1  # nearly all
+        start, found = self.number, self.words
+        number = start + self.at("+", "-")
+        if number + 1 < len(found) and found[number].kind == "number" and found[number + 1].text in (",", "}"):
+            behind, self.number = name.end, number + 1  # nearly all
         else:
             self.skip_brackets()
-            behind, start = self._words[self._next - 1].end, self._next
+            behind, start = self.end, self.number
             self.skip_to(",", "}")
-        words = self._words[start : self._next]
+        words = found[start : self.number]
         if (
             self.done or not words or not QUOTES.isdisjoint([word.text for word in words])
         ):  # a quote that is a word has no other end
@@ -486,22 +411,14 @@ def _number(words: Sequence[Word]) -> float | None:
 
 def split_at_commas(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
     """Words between commas that are in no bracket."""
-    groups: list[list[Word]] = [[]]
-    depth = 0
-    for word in words:
-        depth += _opens(word)
-        if depth == 0 and word.text == ",":
-            groups.append([])
-        else:
-            groups[-1].append(word)
-    return tuple(tuple(group) for group in groups)
+    return tuple(map(tuple, parted(words, ",")))
 
 
 def closing(words: Sequence[Word]) -> int:
     """Position at which the bracket closes with which words begin; behind the last one where it does not."""
     depth = 0
     for i, word in enumerate(words):
-        depth += _opens(word)
+        depth += opens(word)
         if depth == 0:
             return i
     return len(words)
@@ -510,11 +427,6 @@ def closing(words: Sequence[Word]) -> int:
 def arguments_of(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
     """Arguments between the commas of a pair of parentheses; one without words where there is none."""
     return split_at_commas(words[1 : closing(words)])
-
-
-def _opens(word: Word) -> int:
-    """How many brackets a word opens; negative where it closes one."""
-    return (word.text in "([{") - (word.text in ")]}")
 
 
 # From the words of a file to its statements: declarations, assignments, calls and motions.
@@ -661,8 +573,7 @@ def _declaration(words: list[Word], shared: bool) -> Declaration:
         if name.kind == "name":
             cursor.skip_brackets()
             value = None
-            if cursor.at("="):
-                cursor.take()
+            if cursor.accept("="):
                 value = cursor.operand()
             variables.append(Declared(name=name.upper, value=value, start=name.start, end=name.end))
         cursor.skip_to(",")
@@ -718,155 +629,8 @@ def _parameters(words: list[Word]) -> tuple[tuple[str, bool], ...]:
     return tuple((group[0].upper, group[-1].upper == "IN") for group in groups if group and group[0].kind == "name")
 
 
-# The blocks of a KRL routine as a tree: branches, loops and splines with the lines inside.
-
 SPLINES = {"SPLINE", "PTP_SPLINE"}
 LOOPS = {"FOR", "WHILE", "REPEAT", "LOOP"}
-
-MAX_DEPTH = 24
-"""Blocks in each other, in one routine, and labels to which a GOTO behind them leads."""
-
-_INNER = {"IF": {"ELSE"}, "SWITCH": {"CASE", "DEFAULT"}}
-_CLOSING = frozenset(BLOCKS.values())
-_KINDS: Mapping[str, Literal["counted", "while", "until", "endless"]] = {
-    "FOR": "counted", "WHILE": "while", "REPEAT": "until", "LOOP": "endless",
-}  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Condition:
-    """On what it depends whether a branch is taken, or a loop goes on."""
-
-    words: tuple[Word, ...]
-    cases: tuple[tuple[Word, ...], ...] | None = None
-    """Of a SWITCH: the values for which a branch is taken; None of what is true or false itself."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Tree:
-    """The lines of a routine."""
-
-    body: Body
-    odd: Control | None
-    """The line at which its blocks do not match; its lines then stand side by side. None where all match."""
-
-
-def tree_of(lines: Sequence[Statement], matters: Callable[[Statement], bool]) -> Tree:
-    """The tree of a routine's lines.
-
-    Args:
-        lines: its lines, in order.
-        matters: whether a line is of any consequence; the others are left out.
-    """
-    kept = [line for line in lines if matters(line)]
-    builder = _Builder(lines=kept)
-    nodes = builder.body(None)
-    if builder.odd is not None:
-        nodes = tuple(_single(line, loops=0) for line in kept)
-    backward, entered = labels_of(nodes)
-    body = Body(nodes=nodes, size=1 + len(lines), backward=backward, entered=entered)
-    return Tree(body=body, odd=builder.odd)
-
-
-def _single(line: Statement, *, loops: int) -> Node:
-    """A line that is no block.
-
-    Args:
-        line: the line.
-        loops: how many loops it stands in.
-    """
-    if not isinstance(line, Control):
-        return Step(line=line)
-    match line.keyword:
-        case "LABEL":
-            return Label(line=line, name=_name_of_label(line))
-        case "GOTO":
-            return Leave(line=line, way="jump", label=_name_of_label(line))
-        case "EXIT" if loops:
-            return Leave(line=line, way="exit")
-        case "RETURN":
-            return Leave(line=line, way="return")
-        case "RESUME":
-            return Leave(line=line, way="stop")
-        case _:
-            return Step(line=line)
-
-
-class _Builder:
-    def __init__(self, lines: list[Statement]):
-        self.lines, self.at = lines, 0
-        self.odd: Control | None = None
-        self.depth = self.loops = 0
-
-    def body(self, opening: Control | None) -> Block:
-        """Lines up to the one that ends the block, or its branch; that one is not taken."""
-        nodes: list[Node] = []
-        own = set[str]() if opening is None else {BLOCKS[opening.keyword], *_INNER.get(opening.keyword, ())}
-        while self.at < len(self.lines) and self.odd is None:
-            line = self.lines[self.at]
-            keyword = line.keyword if isinstance(line, Control) else ""
-            if keyword in own:
-                return tuple(nodes)
-            self.at += 1
-            if isinstance(line, Control) and (keyword in _CLOSING or keyword in ("ELSE", "CASE", "DEFAULT")):
-                self.odd = line
-            elif isinstance(line, Control) and keyword in BLOCKS:
-                nodes.append(self._block(line))
-            else:
-                nodes.append(_single(line, loops=self.loops))
-        if opening is not None:
-            self.odd = self.odd or opening
-        return tuple(nodes)
-
-    def _block(self, opening: Control) -> Node:
-        begins, branches = opening, list[tuple[Control, Block]]()
-        self.depth += 1
-        self.loops += opening.keyword in LOOPS
-        if self.depth > MAX_DEPTH:
-            self.odd = opening
-        while True:
-            branches.append((begins, self.body(opening)))
-            if self.odd is not None:
-                return Step(line=opening)
-            end = self.lines[self.at]
-            assert isinstance(end, Control)
-            self.at += 1
-            if end.keyword == BLOCKS[opening.keyword]:
-                break
-            begins = end
-        self.depth -= 1
-        self.loops -= opening.keyword in LOOPS
-        (_, body) = branches[0]
-        if opening.keyword in LOOPS:
-            return _loop(opening, body, end)
-        if opening.keyword in SPLINES:
-            return Group(line=opening, body=body)
-        # before the first CASE there is no branch
-        arms = branches[opening.keyword == "SWITCH" :]
-        return Branches(line=opening, name=opening.keyword, arms=tuple(_arm(opening, line, own) for line, own in arms))
-
-
-def _loop(opening: Control, body: Block, end: Control) -> Node:
-    kind = _KINDS[opening.keyword]
-    if not body:  # without any line of consequence
-        return Leave(line=opening, way="stop") if kind == "endless" else Step(line=opening)
-    condition = Condition(words=end.words if kind == "until" else opening.words)
-    return Loop(line=opening, name=opening.keyword, kind=kind, condition=condition, body=body, end=end)
-
-
-def _arm(opening: Control, line: Control, body: Block) -> Arm:
-    own = None if line is opening else line
-    if line.keyword in ("ELSE", "DEFAULT"):
-        return Arm(line=own, condition=None, body=body)
-    words = opening.words
-    if opening.keyword == "SWITCH":
-        return Arm(line=own, condition=Condition(words=words, cases=split_at_commas(line.words)), body=body)
-    words = words[:-1] if words and words[-1].upper == "THEN" else words
-    return Arm(line=own, condition=Condition(words=words), body=body)
-
-
-def _name_of_label(line: Control) -> str:
-    return line.words[0].upper if line.words else ""
 
 
 # What routines are given by value, and what they may change of their caller's.
@@ -921,6 +685,11 @@ def _passed_in(
             call = Call(start=0, end=0, name=name.upper, arguments=arguments_of(words[i + 1 :]))
             out += passed_by_reference(call, by_value)
     return out
+
+
+def changes_nothing(function: str) -> bool:
+    """Whether a function is one of the controller's that change nothing that they are given."""
+    return function in _BY_VALUE or function in _OPERATORS
 
 
 def whole_call(words: Sequence[Word]) -> Call | None:

@@ -1,14 +1,16 @@
 """Which declaration a name stands for, by RAPID's rules of scope."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
+from robot_programs.core.form import Routine
+from robot_programs.core.kit import Word
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
 from robot_programs.core.values import Lost
-from robot_programs.rapid.syntax import Declaration, Line, Module, Routine, Token
+from robot_programs.rapid.syntax import Declaration, Module, Parameter, RoutineText, key_of
 
 # What every RAPID program can use without declaring it: types, data, instructions and functions.
 #
@@ -163,10 +165,11 @@ FUNCTIONS = frozenset(_FUNCTIONS.split())
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class File:
-    """A file with its modules."""
+    """A file with modules."""
 
     source: Source
-    modules: tuple[Module, ...]
+    number: int
+    """Of those of the program."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -204,7 +207,7 @@ class Scope:
     shared: Mapping[str, list[Symbol]]
     own: Mapping[str, list[Symbol]] = field(default_factory=dict[str, list[Symbol]])
     types: Mapping[str, tuple[tuple[str, str], ...]]
-    routines: Mapping[str, tuple[Routine, ...]]
+    routines: "Mapping[str, tuple[Procedure, ...]]"
     """All routines of the files."""
 
     def find(self, name: str) -> Symbol | None:
@@ -234,12 +237,10 @@ class Scope:
         own = TYPES.get(type_)
         return own is not None and self.types.get(type_) is own and type_ not in ("robtarget", "jointtarget")
 
-    def with_counter(self, counter: Token | None) -> "Scope":
-        """The scope inside a FOR, which declares its counter."""
-        if counter is None:
-            return self
+    def with_counter(self, counter: Word) -> "tuple[Symbol, Scope]":
+        """The counter of a FOR, which declares it, and the scope inside."""
         symbol = Symbol(name=counter.text, type="num", obstacle=f"'{counter.text}' counts a loop")
-        return replace(self, own={**self.own, counter.key: [symbol]})
+        return symbol, replace(self, own={**self.own, key_of(counter): [symbol]})
 
 
 @lru_cache(maxsize=1024)
@@ -250,79 +251,89 @@ def _predefined(name: str, key: str) -> Symbol | None:
     return Symbol(name=name, type=type_, value=value)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Context:
-    """A module or routine with the scope that holds in it."""
+@dataclass(eq=False, kw_only=True)
+class Procedure(Routine):
+    """A routine with its text, or what stands in a module outside of routines."""
 
     file: File
-    module: Module
-    routine: Routine | None
     scope: Scope
-    declared: tuple[Symbol, ...]
+    declared: tuple[Symbol, ...] = ()
     """Data declared right here."""
+    given: Sequence[Parameter] = ()
+    """What it is given, as it says itself."""
+    kind: str = ""
+    """``proc``, ``func`` or ``trap``; empty of a module."""
+    local: bool = False
+    start: int = 0
+    end: int = 0
+    named_at: int = 0
+    """First character of its name."""
 
     @property
-    def lines(self) -> Iterable[Line]:
-        """Of a routine and its handlers, with all that stand in others; of a module the text that is not understood."""
-        return self.module.unparsed if self.routine is None else self.routine.lines
+    def named(self) -> tuple[int, int]:
+        """Place of its name."""
+        return self.named_at, self.named_at + len(self.name)
 
 
-def contexts(files: Iterable[File], given: Iterable[Symbol] = ()) -> Iterator[Context]:
-    """Every module and every routine of the files, in the order of the text, with its names.
+def procedures(
+    texts: Mapping[File, Sequence[Module]], given: Iterable[Symbol] = ()
+) -> Sequence[tuple[Procedure, Module | RoutineText]]:
+    """Every module and every routine of the files, in the order of the text, with its names and its text.
 
     Args:
-        files: the files.
+        texts: modules of the files.
         given: data beside the files, which count where no module shares data of that name.
     """
-    files = tuple(files)
     shared: dict[str, list[Symbol]] = {}
     types = dict(TYPES)
-    named: dict[str, list[Routine]] = {}
-    routines: dict[str, tuple[Routine, ...]] = {}
-    of_module: dict[int, dict[str, list[Symbol]]] = {}
-    scopes: dict[int, Scope] = {}
-    for file in files:
-        for module in file.modules:
-            own = of_module[id(module)] = {}
-            scope = scopes[id(module)] = Scope(module=own, shared=shared, types=types, routines=routines)
+    routines: dict[str, tuple[Procedure, ...]] = {}
+    found: list[tuple[Procedure, Module | RoutineText]] = []
+    for file, modules in texts.items():
+        for module in modules:
+            own: dict[str, list[Symbol]] = {}
+            scope = Scope(module=own, shared=shared, types=types, routines=routines)
             for symbol in _declared(module.declarations, file, scope):
                 key = symbol.name.lower()
                 own.setdefault(key, []).append(symbol)
                 if symbol.declaration is not None and not symbol.declaration.local:
                     shared.setdefault(key, []).append(symbol)
-            types.update({record.name.key: record.components for record in module.records})
-            for routine in module.routines:
-                named.setdefault(routine.name.key, []).append(routine)
+            types.update(module.records)
+            declared = tuple(symbol for symbols in own.values() for symbol in symbols)
+            found.append((Procedure(name=module.name.text, file=file, scope=scope, declared=declared), module))
+            found += [(_procedure(routine, file, scope), routine) for routine in module.routines]
     for symbol in given:
         if symbol.name.lower() not in DATA:
             shared.setdefault(symbol.name.lower(), [symbol])
+    named: dict[str, list[Procedure]] = {}
+    for procedure, _ in found:
+        if procedure.kind:
+            named.setdefault(procedure.name.lower(), []).append(procedure)
     routines.update({key: tuple(same) for key, same in named.items()})
-    for file in files:
-        for module in file.modules:
-            scope = scopes[id(module)]
-            declared = tuple(symbol for symbols in scope.module.values() for symbol in symbols)
-            yield Context(file=file, module=module, routine=None, scope=scope, declared=declared)
-            for routine in module.routines:
-                yield _inside(routine, file, module, scope)
+    return found
 
 
-def _inside(routine: Routine, file: File, module: Module, outer: Scope) -> Context:
+def _procedure(text: RoutineText, file: File, outer: Scope) -> Procedure:
     own: dict[str, list[Symbol]] = {}
-    scope = replace(outer, own=own)
-    for parameter in routine.parameters:
-        why = f"'{parameter.name.text}' is a parameter of the routine '{routine.name.text}'"
-        own[parameter.name.key] = [
-            Symbol(name=parameter.name.text, type=parameter.type, obstacle=why, parameter_of=routine.name.key)
-        ]
-    declared = tuple(_declared(routine.declarations, file, scope))
+    scope, name = replace(outer, own=own), text.name.text
+    for one in text.parameters:
+        why = f"'{one.name.text}' is a parameter of the routine '{name}'"
+        own[key_of(one.name)] = [Symbol(name=one.name.text, type=one.type, obstacle=why, parameter_of=name.lower())]
+    parameters = [(own[key_of(one.name)][0], one.changed) for one in text.parameters]
+    declared = tuple(_declared(text.declarations, file, scope))
     for symbol in declared:
         own.setdefault(symbol.name.lower(), []).append(symbol)
-    return Context(file=file, module=module, routine=routine, scope=scope, declared=declared)
+    return Procedure(
+        file=file, scope=scope, declared=declared, given=text.parameters, kind=text.kind, local=text.local, start=text.start,
+        end=text.end, named_at=text.name.start, name=name,
+        parameters=tuple(symbol for symbol, _ in parameters),
+        returning=frozenset(symbol for symbol, changed in parameters if changed),
+        variables=declared, beside=text.kind == "trap", begins=name.lower() == "main",
+    )  # fmt: skip
 
 
 def _declared(declarations: Iterable[Declaration], file: File, scope: Scope) -> Iterator[Symbol]:
     for declaration in declarations:
         yield Symbol(
-            name=declaration.name.text, type=declaration.type.key, declaration=declaration, file=file, scope=scope,
-            obstacle="" if declaration.value else f"'{declaration.name.text}' is declared without a value",
+            name=declaration.name.text, type=key_of(declaration.type), declaration=declaration, file=file, scope=scope,
+            obstacle="" if declaration.value_at else f"'{declaration.name.text}' is declared without a value",
         )  # fmt: skip

@@ -1,793 +1,777 @@
-"""From the text of a file to its modules; what cannot be understood is passed over and reported."""
+"""From the text of a file to its modules, before names have a meaning; what cannot be understood is passed over and reported."""
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from typing import ClassVar
 
-from robot_programs.core import flow as form
-from robot_programs.core.flow import Arm, Block, Branches, Leave, Loop, Node, Step, Unknown
-from robot_programs.core.values import MAX_DEPTH, OperandReader
+from robot_programs.core.form import Ask, Expression, Hole, Lit, Op, Rec, Ref, Span
+from robot_programs.core.kit import Cursor, Word
+from robot_programs.core.program import Unresolved
+from robot_programs.core.source import Source
+from robot_programs.core.values import MAX_DEPTH, Structure
 from robot_programs.rapid.syntax import (
-    Aggregate,
-    Argument,
-    Assignment,
-    Call,
-    Component,
-    Constant,
-    Control,
+    LIST,
+    NAME,
+    RESERVED,
     Declaration,
-    Expression,
-    Index,
-    Instruction,
-    Label,
     Module,
-    Number,
-    Operation,
     Parameter,
     Problem,
-    Record,
-    Reference,
-    Routine,
-    Tail,
-    Token,
-    TooMuch,
-    Unparsed,
-    Words,
-    list_end,
-    moved,
-    named,
+    RoutineText,
+    Statement,
+    Written,
+    behind_header,
+    key_of,
     number,
     words,
 )
+from robot_programs.rapid.values import Listed, Traced, plain, structured
+from taskcal_groundwork.errors import FileError
 
-# The parser's lower half: words to expressions and arguments.
+# What is not understood of a file, and how much it may hold.
 
-MAX_ARGUMENTS = 1000
-"""Of one instruction; those of the controller have twenty at most."""
+LIMITS: dict[str, tuple[int, str]] = {
+    # of one statement or declaration; an array of a hundred thousand targets, each of lists of numbers, has fewer
+    "words": (2_000_000, "has more than {:,} words in the statement that begins here; divide it into several"),
+    # those in lists included: numbers in a list of nothing else count as one
+    "values": (5_000_000, "has more than {:,} values; divide it into several files"),
+    # of one instruction; those of the controller have twenty at most
+    "arguments": (1000, "has more than {:,} arguments in one call; is it a RAPID module?"),
+    # 360 000 motions with as many declared targets, in less than 500 MB
+    "statements": (720_000, "has more than {:,} statements and declarations; divide it into several files"),
+    "routines": (100_000, "has more than {:,} modules and routines; divide it into several files"),
+    "problems": (100_000, "is not understood at more than {:,} places, such as: {}; is it a RAPID module?"),
+    "passed over": (1_000_000, "is not understood in more than {:,} words, such as: {}; is it a RAPID module?"),
+}
+"""How much of something a file may hold, and what is said of one that holds more and would take gigabytes."""
 
-_RESERVED = """
-    alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord
-    endtest endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or pers
-    proc raise readonly record retry return step sysmodule test then to trap true trynext undo var viewonly while with
-    xor
-"""
-RESERVED = frozenset(_RESERVED.split())
-"""Words that are not names."""
 
-
-class NotUnderstood(Exception):
+class NotUnderstood(Unresolved):
     """The words at a place cannot be read."""
 
     def __init__(self, position: int, text: str):
-        self.position, self.text = position, text
+        self.problem = Problem(position=position, text=text)
         super().__init__(text)
 
 
-class ExpressionParser(Words, OperandReader[Expression]):
-    """Reads expressions from words, one after the other."""
+class Notes:
+    """What is not understood of a file, and how much was read of it."""
+
+    def __init__(self, source: Source) -> None:
+        self.source, self.problems = source, list[Problem]()
+        self.counted = dict.fromkeys(LIMITS, 0)
+
+    def count(self, what: str, position: int) -> None:
+        """Count what has a limit.
+
+        Raises:
+            FileError: there is more than in any program.
+        """
+        self.counted[what] += 1
+        if self.counted[what] > LIMITS[what][0]:
+            raise self.too_much(what, position)
+
+    def too_much(self, what: str, position: int, example: str = "") -> FileError:
+        """What is said of a file that holds more of something than any program."""
+        limit, text = LIMITS[what]
+        return FileError(self.source.path, text.format(limit, example), line=self.source.line(position))
+
+    def note(self, problem: Problem) -> None:
+        """Record text that cannot be parsed.
+
+        Raises:
+            FileError: nothing of the file is, or hardly anything.
+        """
+        if len(self.problems) >= LIMITS["problems"][0]:
+            raise self._not_understood("problems", self.problems)
+        self.problems.append(problem)
+
+    def _not_understood(self, what: str, problems: Iterable[Problem]) -> FileError:
+        first = min(problems, key=lambda problem: problem.position)
+        return self.too_much(what, first.position, first.text)
+
+    def passed_over(self, start: int, end: int, problem: Problem) -> tuple[Word, ...]:
+        """Words of text that is not understood.
+
+        Raises:
+            FileError: nothing of the file is, or hardly anything.
+        """
+        left = LIMITS["passed over"][0] - self.counted["passed over"]
+        found = tuple(islice(words(self.source.text, start, end), left + 1))
+        if len(found) > left:
+            raise self._not_understood("passed over", [*self.problems, problem])
+        self.counted["passed over"] += len(found)
+        return found
+
+
+# Expressions and arguments.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Argument:
+    """An argument of an instruction or a function."""
+
+    start: int
+    end: int
+    option: str = ""
+    r"""Name of an optional one, as in ``\WObj:=w``, in lower case; empty for a required one."""
+    value: Expression | None
+    """None for a switch."""
+    conditional: bool = False
+    r"""It is passed on where the routine itself got it: ``\WObj?w``."""
+    name: Word | None = None
+    """Of data, or of those of which it is a part; None of any other value."""
+    type: str = ""
+    """Of such data, as far as it is known, in lower case."""
+
+
+LEAVING = ("GOTO", "RETURN", "RAISE", "RETRY", "TRYNEXT", "EXIT")
+"""Statements behind which control does not go on."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Sentence:
+    """A statement without others in it."""
+
+    at: Span
+    word: Word
+    """Its first one."""
+    target: Expression | None
+    """What it assigns to."""
+    value: Expression | None
+    """What it assigns, or returns."""
+    arguments: Sequence[Argument]
+    """What an instruction is given."""
+    other: str
+    """Label of a GOTO, or trap of a CONNECT."""
+
+
+class Reader(Cursor):
+    """Reads expressions from the words of a file, which are looked for one after the other, so that they are never all in memory.
+
+    Names stand for themselves; where they have a meaning, that is said by `datum` and `asked`.
+    """
 
     BINDING: ClassVar = {
-        "or": 1, "xor": 1, "and": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,
-        "*": 5, "/": 5, "div": 5, "mod": 5,
+        "OR": 1, "XOR": 1, "AND": 2, "=": 3, "<>": 3, "<": 3, ">": 3, "<=": 3, ">=": 3, "+": 4, "-": 4,
+        "*": 5, "/": 5, "DIV": 5, "MOD": 5,
     }  # fmt: skip
-    PREFIXES: ClassVar = {"-": 6, "+": 6, "not": 6}
+    PREFIXES: ClassVar = {"-": 6, "+": 6, "NOT": 6}
 
-    def skip(self, *keys: str) -> bool:
-        """Read a word if it is one of these."""
-        if self.next.kind in ("name", "symbol") and self.next.key in keys:
+    def __init__(self, notes: Notes, file: int = 0) -> None:
+        super().__init__((), file)
+        self.text, self.notes = notes.source.text, notes
+        self._end = Word("end", "", len(self.text))
+        self.names = 0
+        """How many were read."""
+        self.type = ""
+        """Of the data read last."""
+        self.jump(behind_header(self.text))
+
+    # Words.
+
+    def jump(self, place: int) -> None:
+        """Go on with the word at a place, or the one behind it."""
+        self._behind, self._coming = place, words(self.text, place, len(self.text))
+
+        self._next = next(self._coming, self._end)
+        self.begin()
+
+    def begin(self) -> None:
+        """Note that a statement or a declaration begins at the next word."""
+        self._left, self._begun = LIMITS["words"][0], self._next.start
+
+    @property
+    def next(self) -> Word:
+        """The next word; one without text at the end."""
+        return self._next
+
+    @property
+    def behind_next(self) -> Word:
+        """The word after that."""
+        return next(words(self.text, self._next.end, len(self.text)), self._end)
+
+    @property
+    def done(self) -> bool:
+        """Whether no word is left."""
+        return self._next.kind == "end"
+
+    @property
+    def end(self) -> int:
+        """Behind the word read last."""
+        return self._behind
+
+    def take(self) -> Word:
+        """Read a word; at the end of the file none.
+
+        Raises:
+            FileError: the statement has more words than any.
+        """
+        word = self._next
+        if word.kind == "end":
+            return word
+        if not self._left:
+            raise self.notes.too_much("words", self._begun)
+        self._left -= 1
+        self._behind = word.start + len(word.text)
+        self._next = next(self._coming, self._end)
+        return word
+
+    def accept(self, *texts: str) -> bool:
+        """Read the next word if it is one of some."""
+        found = self.at(*texts)
+        if found:
             self.take()
-            return True
-        return False
+        return found
 
-    def expect(self, key: str) -> Token:
+    def expect(self, text: str) -> None:
         """Read a word that has to stand here."""
-        if not (self.next.kind in ("name", "symbol") and self.next.key == key):
-            raise self.problem(f"'{key.upper()}' is missing before")
-        return self.take()
+        if not self.accept(text):
+            raise self.problem(f"'{text}' is missing before")
 
-    def name(self) -> Token:
+    def name(self) -> Word:
         """Read a name that is not a reserved word."""
-        if self.next.kind != "name" or self.next.key in RESERVED:
+        if self._next.kind != "name" or self._next.text.lower() in RESERVED:
             raise self.problem("a name is missing before")
         return self.take()
 
     def problem(self, what: str) -> NotUnderstood:
         """An error at the next word."""
-        token = self.next
-        shown = "the end of the file" if token.kind == "end" else f"'{token.text[:32]}'"
-        return NotUnderstood(token.start, f"{what} {shown}")
+        length = 1 if self._next.kind == "list" else 32
+        shown = "the end of the file" if self.done else f"'{self._next.text[:length]}'"
+        return NotUnderstood(self.place, f"{what} {shown}")
 
-    @property
-    def place(self) -> int:
-        """First character of the next word."""
-        return self.next.start
+    # Expressions.
 
-    @property
-    def sign(self) -> str:
-        """The next word as an operator."""
-        return self.next.key if self.next.kind in ("name", "symbol") else ""
+    def datum(self, name: Word, path: Sequence[str | tuple[Expression, ...]], at: Span) -> Expression:
+        """Data, or a part of them."""
+        return Ref(at=at, name=name.text, key=key_of(name), path=tuple(path))
+
+    def asked(self, name: Word, arguments: Sequence[Argument], at: Span) -> Expression:
+        """The value of a function."""
+        return Ask(at=at, name=name.text, arguments=tuple(one.value for one in arguments if one.value is not None))
 
     def expression(self, weakest: int = 0) -> Expression:
         """Read an expression."""
-        self.count_values()
+        self.notes.count("values", self.place)
         return super().expression(weakest)
 
     def operation(self, start: int, sign: str, *operands: Expression) -> Expression:
-        """An operator with its operands; a number has its sign."""
-        number, *others = operands
-        if isinstance(number, Number) and not others and sign in "+-":
-            return Number(start=start, end=number.end, value=-number.value if sign == "-" else number.value)
-        return Operation(start=start, end=operands[-1].end, operator=sign, operands=operands)
+        """An operator with its operands; a number has its sign, but for one in brackets."""
+        if len(operands) == 1 and operands[0].at[2] != self.end:
+            return Op(at=self.span(start), sign=sign.lower(), operands=operands)
+        return super().operation(start, sign, *operands)
 
     def single(self) -> Expression:
         """Read a value, a list or a name with what belongs to it."""
-        token = self.next
+        start, word = self.place, self.next
         self.height = 0
-        match token.kind:
+        match word.kind:
+            case "list":
+                return self._literal(word)
             case "number":
                 self.take()
-                return Number(start=token.start, end=self.end, value=number(token))
+                return Lit(at=self.span(start), value=number(word.text))
             case "text":
                 self.take()
-                if len(token.text) < 2 or not token.text.endswith('"'):
-                    raise NotUnderstood(token.start, "the string that begins here does not end in its line")
-                return Constant(start=token.start, end=token.end, value=token.text[1:-1].replace('""', '"'))
-            case "name" if token.key in ("true", "false"):
+                if len(word.text) < 2 or not word.text.endswith('"'):
+                    raise NotUnderstood(start, "the string that begins here does not end in its line")
+                return Lit(at=self.span(start), value=word.text[1:-1].replace('""', '"'))
+            case "name" if word.upper in ("TRUE", "FALSE"):
                 self.take()
-                return Constant(start=token.start, end=token.end, value=token.key == "true")
+                return Lit(at=self.span(start), value=word.upper == "TRUE")
             case "name":
                 return self._named()
             case _:
-                return self._bracketed(token)
+                return self._bracketed()
 
-    def _bracketed(self, token: Token) -> Expression:
-        if token.key == "[" and (end := self._numbers(token.start)):
-            self.take()
-            self.jump(end)
-            literal = Aggregate(start=token.start, end=end, content=self.text)
-            self.grow(0 if literal.is_plain else 1)
-            return literal
-        if self.skip("["):
-            items = self._list("]")
+    def _literal(self, word: Word) -> Lit:
+        if self.depth + 3 > MAX_DEPTH:
+            raise self.problem(f"brackets or blocks are nested deeper than {MAX_DEPTH} at")
+        self.take()
+        found = self.literal(word.start, word.end)
+        self.grow(1 if found.value.parts.node.is_nested else 0)
+        return found
+
+    def literal(self, start: int, end: int) -> Lit:
+        """A list of nothing but numbers."""
+        at, written = (self.file, start, end), Written(text=self.text, start=start, end=end)
+        origin = Traced(at=at, owner=None, literal=written)
+        return Lit(at=at, value=Structure(kind="", parts=Listed(written), origin=origin))
+
+    def _bracketed(self) -> Expression:
+        start = self.place
+        if self.accept("["):
+            places, items = self._list("]")
             self.grow(self.height)
-            return Aggregate(start=token.start, end=self.end, content=items)
-        if self.skip("("):
+            at = self.span(start)
+            if all(one.at[1] == place and _is_written(one) for place, one in zip(places, items, strict=True)):
+                values = tuple(plain(one.value) for one in items if isinstance(one, Lit))
+                written = Written(text=self.text, start=start, end=self.end, is_literal=False)
+                origin = Traced(at=at, owner=None, literal=written)
+                return Lit(at=at, value=Structure(kind="", parts=structured(values).parts, origin=origin))
+            return Rec(at=at, parts=dict(enumerate(items)))
+        if self.accept("("):
             inner = self.expression()
             self.expect(")")
             self.grow(self.height)
-            return Operation(start=token.start, end=self.end, operator="()", operands=(inner,))
+            return inner
         raise self.problem("a value is missing before")
 
-    def _numbers(self, start: int) -> int:
-        """End of a list of nothing but numbers; 0 where there is none, or where its signs are nested too deeply."""
-        return list_end(self.text, start) if self.depth + 3 <= MAX_DEPTH else 0
-
-    def _list(self, closing: str) -> tuple[Expression, ...]:
-        if self.skip(closing):
-            return ()
-        items = [self.expression()]
-        height = self.height
-        while self.skip(","):
+    def _list(self, closing: str) -> tuple[list[int], list[Expression]]:
+        """Values up to a closing bracket, with the places where they begin."""
+        if self.accept(closing):
+            return [], []
+        places, items, height = list[int](), list[Expression](), 0
+        while not items or self.accept(","):
+            places.append(self.place)
             items.append(self.expression())
             height = max(height, self.height)
         self.expect(closing)
         self.height = height
-        return tuple(items)
+        return places, items
 
     def _named(self) -> Expression:
         name = self.name()
-        if self.skip("("):
+        self.names += 1
+        if self.accept("("):
             arguments = self.arguments(")")
             self.expect(")")
             self.grow(self.height)
-            return Call(start=name.start, end=self.end, name=name, arguments=arguments)
+            return self.asked(name, arguments, self.span(name.start))
         return self.selected(name)
 
-    def selected(self, name: Token) -> Reference:
+    def selected(self, name: Word) -> Expression:
         """Read the components and indices behind a name."""
-        selectors: list[Component | Index] = []
+        path: list[str | tuple[Expression, ...]] = []
         height = 0
         while True:
-            if self.skip("."):
+            if self.accept("."):
                 if self.next.kind != "name":
                     raise self.problem("a component's name is missing before")
-                selectors.append(Component(key=self.take().key))
-            elif self.skip("{"):
-                selectors.append(Index(items=self._list("}")))
+                path.append(key_of(self.take()))
+            elif self.at("{"):
+                path.append(self.indices())
                 self.grow(self.height)
                 height = max(height, self.height)
             else:
                 self.height = height
-                return Reference(start=name.start, end=self.end, name=name, selectors=tuple(selectors))
+                return self.datum(name, path, self.span(name.start))
 
-    def arguments(self, closing: str) -> tuple[Argument, ...]:
+    def indices(self) -> tuple[Expression, ...]:
+        """Read indices in their brackets."""
+        self.take()
+        return tuple(self._list("}")[1])
+
+    def arguments(self, closing: str) -> list[Argument]:
         """Read arguments up to a closing symbol, which is left."""
-        arguments: list[Argument] = []
+        found: list[Argument] = []
         height = 0
-        while not (self.next.kind == "symbol" and self.next.key == closing):
-            if arguments and not self.skip(",") and self.next.key != "\\":
+        while not self.at(closing):
+            if found and not self.accept(",") and not self.at("\\"):
                 what = "a comma or a semicolon" if closing == ";" else "a comma"
                 raise self.problem(f"{what} is missing before")
-            if self.next.kind == "symbol" and self.next.key == closing:
+            if self.at(closing):
                 raise self.problem("an argument is missing before")
-            start = self.next.start
-            if len(arguments) == MAX_ARGUMENTS:
-                raise TooMuch(start, f"has more than {MAX_ARGUMENTS:,} arguments in one call; is it a RAPID module?")
-            if self.skip("\\"):
-                arguments.append(self._option(start))
-            else:
-                value = self.expression()
-                arguments.append(Argument(start=start, end=self.end, option="", value=value))
+            if len(found) == LIMITS["arguments"][0]:
+                raise self.notes.too_much("arguments", self.place)
+            found.append(self._option(self.place) if self.accept("\\") else self._given(self.place))
             height = max(height, self.height)
         self.height = height
-        return tuple(arguments)
+        return found
+
+    def sentence(self) -> "Sentence":
+        """Read a statement without others in it."""
+        word, other, target, value = self.next, "", None, None
+        arguments: Sequence[Argument] = ()
+        match word.upper:
+            case key if key in LEAVING:
+                self.take()
+                if key == "GOTO" and self.next.kind == "name":
+                    other = key_of(self.name())
+                value = None if self.at(";") else self.expression()
+            case "CONNECT":
+                self.take()
+                self.selected(self.name())
+                self.expect("WITH")
+                other = key_of(self.name())
+            case "%":
+                self.take()
+                self.expression()
+                self.expect("%")
+                arguments = self.arguments(";")
+            case _:
+                name = self.name()
+                if self.at(".", "{", ":="):
+                    target = self.selected(name)
+                    self.expect(":=")
+                    value = self.expression()
+                else:
+                    arguments = self.arguments(";")
+        self.expect(";")
+        at = self.span(word.start)
+        return Sentence(at=at, word=word, target=target, value=value, arguments=arguments, other=other)
 
     def _option(self, start: int) -> Argument:
         if self.next.kind != "name":
             raise self.problem("the name of an option is missing before")
-        name = self.take()
-        value, conditional = None, False
-        if self.skip(":="):
-            value = self.expression()
-        elif self.skip("?"):
-            value, conditional = self.selected(self.name()), True
-        return Argument(start=start, end=self.end, option=name.key, value=value, conditional=conditional)
-
-
-# Declarations and statements of a routine; what cannot be understood is passed over and noted.
-
-MAX_STATEMENTS = 720_000
-"""Statements and declarations of a file: 360 000 motions with as many declared targets, in less than 500 MB."""
-
-MAX_PROBLEMS = 100_000
-"""Places of a file that are not understood; nobody reads of more."""
-
-MAX_UNPARSED_WORDS = 1_000_000
-"""Words of a file that are not understood."""
-
-STORAGE = ("const", "pers", "var")
-ROUTINE_END = {"proc": "endproc", "func": "endfunc", "trap": "endtrap"}
-HANDLERS = ("error", "undo", "backward")
-_INNER_ENDS = ("endif", "elseif", "else", "endfor", "endwhile", "endtest", "case", "default")
-_ROUTINE_ENDS = (*ROUTINE_END.values(), "endmodule", "module", "proc", "func", "trap")
-_BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *_ROUTINE_ENDS, "record", "endrecord"))
-"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
-
-_LEAVING = ("return", "goto", "raise", "retry", "trynext", "exit")
-
-_ARGUMENT = re.compile(
-    r"\s*(?P<comma>,\s*)?(?P<begin>\\\s*(?P<option>[^\W\d]\w*)\s*:=\s*)?(?P<value>(?P<name>[^\W\d]\w*)|\[)"
-)
-"""An argument that is a name, or begins a list."""
-_CLOSING = re.compile(r"\s*;")
-
-_DECLARED = re.compile(r"\s+([^\W\d]\w*)\s+([^\W\d]\w*)\s*:=\s*(?=\[)")
-"""Type and name of data that a list follows."""
-
-_TARGETS = {"movej": 1, "movel": 1, "movec": 2, "moveabsj": 1}
-"""Arguments in front of the tail, of motions that make up long programs."""
-
-MAX_TAIL_LENGTH = 200
-"""Characters of a tail; longer ones are read each time."""
-
-
-class StatementParser(ExpressionParser):
-    """Takes declarations and statements from tokens."""
-
-    def __init__(self, text: str):
-        super().__init__(text)
-        self.problems: list[Problem] = []
-        self._unparsed = 0
-        """Words so far that are not understood."""
-        self._statements = 0
-        self._tails: dict[str, Tail] = {}
-        """By their texts."""
-
-    def note(self, position: int, text: str) -> Problem:
-        """Record a statement that cannot be parsed.
-
-        Raises:
-            TooMuch: nothing of the file is, or hardly anything.
-        """
-        if len(self.problems) >= MAX_PROBLEMS:
-            raise self._not_understood(f"at more than {MAX_PROBLEMS:,} places", self.problems[0])
-        self.problems.append(Problem(position=position, text=text))
-        return self.problems[-1]
-
-    def _not_understood(self, where: str, one: Problem) -> TooMuch:
-        return TooMuch(one.position, f"is not understood {where}, such as: {one.text}; is it a RAPID module?")
-
-    def count(self) -> None:
-        """Count a statement or a declaration.
-
-        Raises:
-            TooMuch: there are more than in any program.
-        """
-        self._statements += 1
-        if self._statements > MAX_STATEMENTS:
-            raise TooMuch(
-                self.next.start,
-                f"has more than {MAX_STATEMENTS:,} statements and declarations; divide it into several files",
+        option = key_of(self.take())
+        self.height = 0
+        if self.accept(":="):
+            return self._given(start, option)
+        if self.accept("?"):
+            name = self.name()
+            value = self.selected(name)
+            return Argument(
+                start=start, end=self.end, option=option, value=value, conditional=True, name=name, type=self.type
             )
+        return Argument(start=start, end=self.end, option=option, value=None)
 
-    def after_scope(self) -> str:
-        """Key of the word behind LOCAL or TASK."""
-        return self.behind_next().key if self.next.key in ("local", "task") else self.next.key
-
-    def recover(self, first: int, stops: tuple[str, ...]) -> None:
-        """Go on behind the next semicolon, or before a word that begins or ends something."""
-        if self.next.start == first:
-            self.take()
-        while self.next.kind != "end" and self.next.key not in stops:
-            if self.take().key == ";":
-                return
-
-    def unparsed(self, first: int, problem: Problem) -> Unparsed:
-        """The text since its first word, which is not understood.
-
-        Raises:
-            TooMuch: nothing of the file is, or hardly anything.
-        """
-        tokens: list[Token] = []
-        for token in words(self.text, first, self.end):
-            self._unparsed += 1
-            if self._unparsed > MAX_UNPARSED_WORDS:
-                raise self._not_understood(f"in more than {MAX_UNPARSED_WORDS:,} words", [*self.problems, problem][0])
-            tokens.append(token)
-        return Unparsed(start=first, end=self.end, tokens=tuple(tokens), problem=problem)
-
-    def declaration(self) -> Declaration:
-        """Take a declaration of data."""
-        start = self.next.start
-        local = self.skip("local")
-        self.skip("task")
-        storage, plain = self.next.key, self._plain_declaration()
-        if plain is None:
-            self.take()
-            type_, name = self.name(), self.name()
-            selectors = self.selected(name).selectors if self.next.key == "{" else ()
-            dimensions = selectors[0].items if selectors and isinstance(selectors[0], Index) else ()
-            value = self.expression() if self.skip(":=") else None
-            self.expect(";")
-        else:
-            (type_, name, value), dimensions = plain, ()
-        return Declaration(
-            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, dimensions=dimensions, value=value,
+    def _given(self, start: int, option: str = "") -> Argument:
+        first = self.next
+        value = self.expression()
+        is_data = isinstance(value, Ref | Hole) and value.at[1:] == (first.start, self.end)
+        return Argument(
+            start=start, end=self.end, option=option, value=value, name=first if is_data else None,
+            type=self.type if is_data else "",
         )  # fmt: skip
 
-    def _plain_declaration(self) -> tuple[Token, Token, Aggregate] | None:
-        """Type, name and list of numbers of a declaration, not word by word; None where there is another, and nothing is read."""
-        storage, text = self.next, self.text
-        found = None if self.looked_ahead else _DECLARED.match(text, storage.end)
-        at = self._numbers(found.end()) if found else 0
-        closing = _CLOSING.match(text, at) if at else None
-        if found is None or closing is None:
-            return None
-        type_, name = named(found[1], found.start(1)), named(found[2], found.start(2))
-        if type_.key in RESERVED or name.key in RESERVED:
-            return None
-        self.count_values()
-        self.jump(closing.end())
-        return type_, name, Aggregate(start=found.end(), end=at, content=text)
 
-    def body(self, declarations: list[Declaration]) -> Block:
-        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
-        nodes = [*self._block(declarations)]
-        while self.next.key in _INNER_ENDS:
-            stray = self.take()
-            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            nodes += [Unknown(line=self.unparsed(stray.start, noted)), *self._block(declarations)]
-        return tuple(nodes)
-
-    def _block(self, declarations: list[Declaration]) -> Block:
-        nodes: list[Node] = []
-        while self.next.kind != "end" and self.next.key not in _BLOCK_ENDS:
-            if self.skip(";"):
-                continue
-            self.begin()
-            self.count()
-            first = self.next.start
-            depth = self.depth
-            try:
-                if self.next.key in ("local", "task", *STORAGE):
-                    if self.after_scope() not in STORAGE:
-                        break
-                    declarations.append(self.declaration())
-                else:
-                    nodes.append(self._statement(declarations))
-            except NotUnderstood as problem:
-                self.depth = depth
-                noted = self.note(problem.position, problem.text)
-                self.recover(first, _ROUTINE_ENDS)
-                nodes.append(Unknown(line=self.unparsed(first, noted)))
-        return tuple(nodes)
-
-    def _statement(self, declarations: list[Declaration]) -> Node:
-        match self.next.key:
-            case "if":
-                return self._if(declarations)
-            case "test":
-                return self._test(declarations)
-            case "for":
-                return self._for(declarations)
-            case "while":
-                return self._while(declarations)
-            case key if key in _LEAVING:
-                return self._leave()
-            case "connect":
-                return self._connect()
-            case "%":
-                return self._late_bound()
-            case "<":
-                return self._placeholder()
-            case _:
-                return self._simple()
-
-    def _simple(self) -> Node:
-        plain = self._plain()
-        if plain is not None:
-            return Step(line=plain)
-        name = self.name()
-        start = name.start
-        if self.skip(":"):
-            return form.Label(line=Label(start=start, end=self.end), name=name.key)
-        if self.next.key in (".", "{", ":="):
-            target = self.selected(name)
-            self.expect(":=")
-            value = self.expression()
-            self.expect(";")
-            return Step(line=Assignment(start=start, end=self.end, target=target, value=value))
-        arguments = self.arguments(";")
-        self.expect(";")
-        return Step(line=Instruction(start=start, end=self.end, name=name, first=arguments))
-
-    def _plain(self) -> Instruction | None:
-        """An instruction that is given names and lists of numbers alone, most lines of long programs, not word by word.
-
-        None where there is another statement, of which nothing is read.
-        """
-        first, text, at = self.next, self.text, self.next.end
-        if first.kind != "name" or first.key in RESERVED or self.looked_ahead or self.depth + 4 > MAX_DEPTH:
-            return None
-        arguments: list[Argument] = []
-        targets, behind, tail = _TARGETS.get(first.key, 0), 0, None
-        while (found := _ARGUMENT.match(text, at)) and len(arguments) < MAX_ARGUMENTS:
-            comma, option, word = found.group("comma", "option", "name")
-            start = found.start("value")
-            at = found.end() if word else self._numbers(start)
-            if not at or (comma and not arguments) or (arguments and not comma and not option):
-                return None
-            if word:
-                name = named(word, start)
-                if name.key in RESERVED:
-                    return None
-                value: Expression = Reference(start=start, end=at, name=name, selectors=())
-            else:
-                value = Aggregate(start=start, end=at, content=text)
-            begin, key = (found.start("begin"), sys.intern(option.lower())) if option else (start, "")
-            arguments.append(Argument(start=begin, end=at, option=key, value=value))
-            if len(arguments) == targets and not any(argument.option for argument in arguments):
-                behind, end = at, text.find(";", at, at + MAX_TAIL_LENGTH) + 1
-                tail = self._tails.get(text[at:end])
-                if tail is not None:
-                    return self._instruction(first, arguments, tail, end)
-        closing = _CLOSING.match(text, at)
-        if closing is None:
-            return None
-        if behind and all(isinstance(argument.value, Reference) for argument in arguments[targets:]):
-            tail = self._tail(arguments[targets:], behind, closing.end())
-        return self._instruction(first, arguments[:targets] if tail else arguments, tail, closing.end())
-
-    def _tail(self, arguments: Sequence[Argument], start: int, end: int) -> Tail:
-        """Keep arguments for other lines that have the same text from some character on."""
-        options = frozenset(argument.option for argument in arguments if argument.option)
-        tail = Tail(arguments=moved(arguments, -start), options=options)
-        self._tails[self.text[start:end]] = tail
-        return tail
-
-    def _instruction(self, name: Token, first: Sequence[Argument], tail: Tail | None, end: int) -> Instruction:
-        """An instruction of names and lists of numbers, behind which the next word is."""
-        self.count_values(len(first) + (0 if tail is None else len(tail.arguments)))
-        self.jump(end)
-        return Instruction(start=name.start, end=end, name=name, first=tuple(first), tail=tail, plain=True)
-
-    def _leave(self) -> Node:
-        keyword = self.take()
-        label = ""
-        if keyword.key == "goto" and self.next.kind == "name":
-            label = self.name().key
-        read = () if self.next.key == ";" else (self.expression(),)
-        self.expect(";")
-        line = Control(start=keyword.start, end=self.end, conditions=read)
-        if label:
-            return Leave(line=line, way="jump", label=label)
-        return Leave(line=line, way="return" if keyword.key == "return" else "stop")
-
-    def _connect(self) -> Node:
-        """CONNECT gives an interrupt its trap: an instruction without arguments that matter here."""
-        name = self.take()
-        self.selected(self.name())
-        self.expect("with")
-        self.name()
-        self.expect(";")
-        return Step(line=Instruction(start=name.start, end=self.end, name=name, first=()))
-
-    def _late_bound(self) -> Node:
-        """``%"name"% arguments;`` calls a procedure whose name is known only at run time."""
-        name = self.take()
-        self.expression()
-        self.expect("%")
-        arguments = self.arguments(";")
-        self.expect(";")
-        return Step(line=Instruction(start=name.start, end=self.end, name=name, first=arguments))
-
-    def _placeholder(self) -> Node:
-        """``<SMT>`` and the like, where a statement is still to be written."""
-        first = self.take().start
-        name = self.name()
-        self.expect(">")
-        problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
-        return Unknown(line=self.unparsed(first, problem))
-
-    def _if(self, declarations: list[Declaration]) -> Node:
-        start = self.take().start
-        condition = self.expression()
-        if not self.skip("then"):
-            return self._compact_if(start, condition, declarations)
-        self.enter()
-        read = [condition]
-        arms: list[tuple[Expression | None, Block]] = [(condition, self._block(declarations))]
-        while True:
-            if self.skip("elseif"):
-                read.append(self.expression())
-                self.expect("then")
-                arms.append((read[-1], self._block(declarations)))
-            elif self.skip("else"):
-                arms.append((None, self._block(declarations)))
-            else:
-                break
-        self._close("endif", start)
-        return self._branches(start, read, arms)
-
-    def _compact_if(self, start: int, condition: Expression, declarations: list[Declaration]) -> Node:
-        self.enter()
-        self.count()
-        inner = self._statement(declarations)
-        self.depth -= 1
-        if isinstance(inner, Step) and isinstance(inner.line, Instruction):
-            inner = Step(line=replace(inner.line, compact=True))
-        return self._branches(start, [condition], [(condition, (inner,))])
-
-    def _branches(
-        self, start: int, read: Sequence[Expression], branches: Iterable[tuple[Expression | None, Block]]
-    ) -> Branches:
-        """Branches with their conditions.
-
-        Args:
-            start: where they begin.
-            read: what the text reads to decide them, in its order.
-            branches: each with its condition; None of one that is taken where none of the others is, wherever it stands.
-        """
-        arms = sorted((Arm(condition=one, body=body) for one, body in branches), key=lambda arm: arm.condition is None)
-        line = Control(start=start, end=self.end, conditions=tuple(read))
-        return Branches(line=line, name="IF", arms=tuple(arms))
-
-    def _test(self, declarations: list[Declaration]) -> Node:
-        start = self.take().start
-        tested = self.expression()
-        self.enter()
-        read = [tested]
-        arms: list[tuple[Expression | None, Block]] = []
-        while True:
-            if self.skip("case"):
-                cases = [self.expression()]
-                while self.skip(","):
-                    cases.append(self.expression())
-                self.expect(":")
-                read += cases
-                arms.append((_is_one(tested, cases), self._block(declarations)))
-            elif self.skip("default"):
-                self.expect(":")
-                arms.append((None, self._block(declarations)))
-            else:
-                break
-        self._close("endtest", start)
-        return self._branches(start, read, arms)
-
-    def _for(self, declarations: list[Declaration]) -> Node:
-        start = self.take().start
-        counter = self.name()
-        self.expect("from")
-        conditions = [self.expression()]
-        self.expect("to")
-        conditions.append(self.expression())
-        if self.skip("step"):
-            conditions.append(self.expression())
-        self.expect("do")
-        return self._loop(start, counter, conditions, "endfor", declarations)
-
-    def _while(self, declarations: list[Declaration]) -> Node:
-        start = self.take().start
-        condition = self.expression()
-        self.expect("do")
-        return self._loop(start, None, [condition], "endwhile", declarations)
-
-    def _loop(
-        self,
-        start: int,
-        counter: Token | None,
-        conditions: list[Expression],
-        closing: str,
-        declarations: list[Declaration],
-    ) -> Node:
-        self.enter()
-        body = self._block(declarations)
-        self._close(closing, start)
-        line = Control(start=start, end=self.end, conditions=tuple(conditions), counter=counter)
-        if counter is None:
-            return Loop(line=line, name="WHILE", kind="while", condition=conditions[0], body=body)
-        return Loop(line=line, name="FOR", kind="counted", body=body)
-
-    def _close(self, keyword: str, start: int) -> None:
-        """Read the word that closes a block."""
-        self.depth -= 1
-        if not self.skip(keyword):
-            self.note(start, f"{keyword.upper()} is missing for what begins here")
+def _is_written(one: Expression) -> bool:
+    """Whether a value is a number, or a list of nothing but numbers."""
+    if not isinstance(one, Lit):
+        return False
+    value = one.value
+    if not isinstance(value, Structure):
+        return type(value) is float
+    if isinstance(value.parts, Listed):
+        return not value.parts.node.is_nested
+    return not any(isinstance(part, Structure) for part in value.parts.values())
 
 
-def _is_one(tested: Expression, cases: Sequence[Expression]) -> Expression:
-    """The condition that a value is one of some."""
-    at = {"start": tested.start, "end": tested.end}
-    ways = [Operation(**at, operator="=", operands=(tested, case)) for case in cases]
-    while len(ways) > 1:  # in pairs, so that many are not nested deeply
-        pairs = (tuple(ways[i : i + 2]) for i in range(0, len(ways), 2))
-        ways = [pair[0] if len(pair) == 1 else Operation(**at, operator="or", operands=pair) for pair in pairs]
-    return ways[0]
+def arguments_of(source: Source, start: int) -> list[Argument]:
+    """The arguments of the instruction that begins at a place, names without a meaning."""
+    reader = Reader(Notes(source))
+    reader.jump(start)
+    reader.take()
+    return reader.arguments(";")
 
 
-MAX_ROUTINES = 100_000
-"""Modules and routines of a file; a whole cell has some thousands."""
+# Declarations, and statements in their blocks; what cannot be understood is passed over and noted.
+
+STORAGE = ("CONST", "PERS", "VAR")
+_ROUTINES = ("PROC", "FUNC", "TRAP")
+HANDLERS = ("ERROR", "UNDO", "BACKWARD")
+_BLOCKS: Mapping[str, tuple[str, Mapping[str, str], str]] = {
+    "IF": ("THEN", {"ELSEIF": "THEN", "ELSE": ""}, "ENDIF"), "TEST": ("", {"CASE": ":", "DEFAULT": ":"}, "ENDTEST"),
+    "FOR": ("DO", {}, "ENDFOR"), "WHILE": ("DO", {}, "ENDWHILE"),
+}  # fmt: skip
+"""Blocks: what ends the header, further branches with what ends theirs, and the end."""
+_INNER_ENDS = ("ENDIF", "ELSEIF", "ELSE", "ENDFOR", "ENDWHILE", "ENDTEST", "CASE", "DEFAULT")
+_ROUTINE_ENDS = ("ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE", "MODULE", *_ROUTINES)
+_BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *_ROUTINE_ENDS, "RECORD", "ENDRECORD"))
+"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
+
+_TO_END = re.compile(r'[^;"!]*+(?:(?:"(?:[^"\n]|"")*+"?|![^\n]*+)[^;"!]*+)*+;')
+"""Text up to a semicolon that stands in no string and in no comment."""
+_PLAIN = re.compile(
+    rf"(?P<storage>{NAME}) \s+ (?P<type>{NAME}) \s+ (?P<name>{NAME}) \s* := \s* (?P<list>{LIST}) \s* ;", re.VERBOSE
+)
+"""A declaration of data that are a list of nothing but numbers."""
+_COLON = re.compile(r"(?:[\s\ufeff]+|![^\n]*)*+:(?!=)")
+MAX_LENGTH = 10_000
+"""Characters in which that semicolon is looked for; what is longer is read word by word."""
+_PARTS_OF_ENDS = ("proc", "func", "trap", "module")
 
 
-def parse(text: str) -> tuple[tuple[Module, ...], tuple[Problem, ...]]:
-    """The modules of a file, and what could not be understood.
+def parse(notes: Notes) -> tuple[Module, ...]:
+    """The modules of a file; what is not understood is noted.
 
     Raises:
-        TooMuch: there is more of something than in any program.
+        FileError: there is more of something than in any program.
     """
-    parser = _Parser(text)
-    modules = parser.modules()
-    return modules, tuple(parser.problems)
+    return _Parser(notes).modules()
 
 
-class _Parser(StatementParser):
-    """Modules, and what they declare."""
+class _Parser(Reader):
+    """Modules, routines and blocks."""
 
-    def __init__(self, text: str):
-        super().__init__(text)
-        self._routines = 0
+    def note(self, position: int, text: str) -> Problem:
+        """Record what cannot be parsed."""
+        return self.noted(NotUnderstood(position, text))
+
+    def noted(self, error: NotUnderstood) -> Problem:
+        """Record an error."""
+        self.notes.note(error.problem)
+        return error.problem
+
+    def after_scope(self) -> str:
+        """The word behind LOCAL or TASK, in capitals."""
+        return self.behind_next.upper if self.at("LOCAL", "TASK") else self.next.upper
+
+    def recover(self, first: int, stops: Iterable[str]) -> None:
+        """Go on behind the next semicolon, or before a word that begins or ends something."""
+        if self.place == first:
+            self.take()
+        while not (self.done or self.at(*stops)):
+            if self.take().text == ";":
+                return
+
+    # Modules.
 
     def modules(self) -> tuple[Module, ...]:
         modules: list[Module] = []
         strays = 0
-        while self.next.kind != "end":
+        while not self.done:
             self.begin()
-            if self.next.key == "module":
+            if self.at("MODULE"):
                 modules.append(self._module())
             else:
                 strays += 1
                 if strays == 1 and not modules:  # what stands behind a module is no part of it, and is kept as it is
-                    self.note(self.next.start, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
+                    self.note(self.place, f"'{self.next.text[:32]}' stands outside any MODULE and is not read")
                 self.take()
         return tuple(modules)
 
     def _module(self) -> Module:
         start = self.take().start
-        self._count_routine(start)
-        name = self._or_nameless(self.name)
-        if self.skip("("):
-            while self.next.kind != "end" and not self.skip(")"):
+        self.notes.count("routines", start)
+        module = Module(start=start, name=self._module_name())
+        if self.accept("("):
+            while not self.done and not self.accept(")"):
                 self.take()
-        declarations: list[Declaration] = []
-        records: list[Record] = []
-        routines: list[Routine] = []
-        unparsed: list[Unparsed] = []
-        while self.next.kind != "end" and self.next.key not in ("module", "endmodule"):
+        while not (self.done or self.at("MODULE", "ENDMODULE")):
             self.begin()
-            self.count()
-            first = self.next.start
+            self.notes.count("statements", self.place)
+            first = self.place
             try:
-                match self.after_scope():
-                    case "const" | "pers" | "var":
-                        declarations.append(self.declaration())
-                    case "proc" | "func" | "trap":
-                        routines.append(self._routine())
-                    case "record":
-                        records.append(self._record())
-                    case "alias":
-                        self.recover(first, ())
-                    case _:
-                        raise self.problem("a declaration or a routine is missing before")
+                self._part(module, first)
             except NotUnderstood as problem:
                 self.depth = 0
-                noted = self.note(problem.position, problem.text)
-                self.recover(first, ("proc", "func", "trap", "record", "local", *STORAGE, "module", "endmodule"))
-                unparsed.append(self.unparsed(first, noted))
-        if not self.skip("endmodule"):
-            self.note(self.end, f"ENDMODULE of the module '{name.text}' is missing")
-        return Module(
-            start=start, end=self.end, name=name, declarations=tuple(declarations), records=tuple(records),
-            routines=tuple(routines), unparsed=tuple(unparsed),
-        )  # fmt: skip
+                noted = self.noted(problem)
+                self.recover(first, (*_ROUTINES, "RECORD", "LOCAL", *STORAGE, "MODULE", "ENDMODULE"))
+                module.unread.append(Statement(start=first, end=self.end, depth=0, problem=noted))
+        if not self.accept("ENDMODULE"):
+            self.note(self.end, f"ENDMODULE of the module '{module.name.text}' is missing")
+        module.end = self.end
+        return module
 
-    def _or_nameless(self, read: Callable[[], Token]) -> Token:
+    def _part(self, module: Module, first: int) -> None:
+        match self.after_scope():
+            case key if key in STORAGE:
+                module.declarations.append(self._declaration())
+            case key if key in _ROUTINES:
+                module.routines.append(self._routine())
+            case "RECORD":
+                self._record(module)
+            case "ALIAS":
+                self.recover(first, ())
+            case _:
+                raise self.problem("a declaration or a routine is missing before")
+
+    def _module_name(self) -> Word:
         try:
-            return read()
+            return self.name()
         except NotUnderstood as problem:
-            self.note(problem.position, problem.text)
-            return Token("name", "", "", problem.position)
+            return Word("name", "", self.noted(problem).position)
 
-    # declarations
-
-    def _record(self) -> Record:
-        self.skip("local")
-        self.expect("record")
+    def _record(self, module: Module) -> None:
+        self.accept("LOCAL")
+        self.expect("RECORD")
         name = self.name()
         components: list[tuple[str, str]] = []
-        while not self.skip("endrecord"):
+        while not self.accept("ENDRECORD"):
             type_, component = self.name(), self.name()
             self.expect(";")
-            components.append((component.key, type_.key))
-        return Record(name=name, components=tuple(components))
+            components.append((key_of(component), key_of(type_)))
+        module.records[key_of(name)] = tuple(components)
 
-    # routines
-
-    def _count_routine(self, position: int) -> None:
-        self._routines += 1
-        if self._routines > MAX_ROUTINES:
-            raise TooMuch(
-                position, f"has more than {MAX_ROUTINES:,} modules and routines; divide it into several files"
-            )
-
-    def _routine(self) -> Routine:
-        start = self.next.start
-        self._count_routine(start)
-        local = self.skip("local")
-        kind = self.take().key
-        if kind == "func":
-            self.name()
-        name = self.name()
-        parameters = self._parameters() if self.skip("(") else ()
-        declarations: list[Declaration] = []
-        body = self.body(declarations)
-        handlers: list[Block] = []
-        while self.next.key in HANDLERS:
-            self.take()
-            if self.skip("("):
-                self.arguments(")")
-                self.expect(")")
-            handlers.append(self.body(declarations))
-        closing = ROUTINE_END[kind]
-        if not self.skip(closing):
-            self.note(self.next.start, f"{closing.upper()} of '{name.text}' is missing")
-        return Routine(
-            start=start, end=self.end, name=name, kind=kind, local=local, parameters=parameters,
-            declarations=tuple(declarations), body=body, handlers=tuple(handlers),
+    def _declaration(self) -> Declaration:
+        start = self.place
+        local = self.accept("LOCAL")
+        self.accept("TASK")
+        plain = _PLAIN.match(self.text, self.place)
+        if (
+            plain is not None
+            and self.depth + 3 <= MAX_DEPTH
+            and RESERVED.isdisjoint((plain["type"].lower(), plain["name"].lower()))
+        ):
+            return self._plain_declaration(start, local, plain)
+        storage = self.take().text.lower()
+        type_, name = self.name(), self.name()
+        sizes_at, value_at, dimensions, literal = self.place, 0, 0, None
+        if self.at("{"):
+            found = self.selected(name)
+            dimensions = len(found.path[0]) if isinstance(found, Ref) and isinstance(found.path[0], tuple) else 0
+        if self.accept(":="):
+            value_at, names = self.place, self.names
+            value = self.expression()
+            if self.names == names and isinstance(value, Lit) and value.at[1] == value_at:
+                literal = value
+        self.expect(";")
+        return Declaration(
+            start=start, end=self.end, storage=storage, local=local, type=type_, name=name, dimensions=dimensions,
+            sizes_at=sizes_at, value_at=value_at, literal=literal,
         )  # fmt: skip
 
-    def _parameters(self) -> tuple[Parameter, ...]:
-        parameters: list[Parameter] = []
-        while not self.skip(")"):
-            if parameters and not self.skip(",", "|") and self.next.key != "\\":
+    def _plain_declaration(self, start: int, local: bool, found: re.Match[str]) -> Declaration:
+        """A declaration of a list of nothing but numbers, not word by word."""
+        self.notes.count("values", start)
+        self.jump(found.end())
+        type_, name = (Word("name", sys.intern(found[one]), found.start(one)) for one in ("type", "name"))
+        return Declaration(
+            start=start, end=found.end(), storage=found["storage"].lower(), local=local, type=type_, name=name,
+            value_at=found.start("list"), literal=self.literal(*found.span("list")),
+        )  # fmt: skip
+
+    # Routines.
+
+    def _routine(self) -> RoutineText:
+        start = self.place
+        self.notes.count("routines", start)
+        local = self.accept("LOCAL")
+        kind = self.take().upper
+        if kind == "FUNC":
+            self.name()
+        name = self.name()
+        parameters = tuple(self._parameters()) if self.accept("(") else ()
+        declarations: list[Declaration] = []
+        body = self._body(declarations)
+        handlers: list[list[Statement]] = []
+        while self.at(*HANDLERS):
+            self.take()
+            if self.accept("("):
+                self.arguments(")")
+                self.expect(")")
+            handlers.append(self._body(declarations))
+        if not self.accept(f"END{kind}"):
+            self.note(self.place, f"END{kind} of '{name.text}' is missing")
+        return RoutineText(
+            start=start, end=self.end, name=name, kind=kind.lower(), local=local, parameters=parameters,
+            declarations=declarations, body=body, handlers=handlers,
+        )  # fmt: skip
+
+    def _parameters(self) -> Iterator[Parameter]:
+        first = True
+        while not self.accept(")"):
+            if not first and not self.accept(",", "|") and not self.at("\\"):
                 raise self.problem("a comma is missing before")
-            optional = self.skip("\\")
-            changed = self.skip("inout", "var", "pers")
-            type_ = self.name()
-            name = self.name()
-            if self.skip("{"):
-                while self.next.kind != "end" and not self.skip("}"):
+            first, optional = False, self.accept("\\")
+            changed = self.accept("INOUT", "VAR", "PERS")
+            type_, name = self.name(), self.name()
+            if self.accept("{"):
+                while not self.done and not self.accept("}"):
                     self.take()
-            parameters.append(Parameter(name=name, type=type_.key, optional=optional, changed=changed))
-        return tuple(parameters)
+            yield Parameter(name=name, type=key_of(type_), optional=optional, changed=changed)
+
+    # Blocks.
+
+    def _body(self, declarations: list[Declaration]) -> list[Statement]:
+        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
+        found = self._block(declarations)
+        while self.at(*_INNER_ENDS):
+            stray = self.take()
+            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
+            found.append(Statement(start=stray.start, end=stray.end, depth=self.depth, problem=noted))
+            found += self._block(declarations)
+        return found
+
+    def _block(self, declarations: list[Declaration]) -> list[Statement]:
+        found: list[Statement] = []
+        while not self.done and (key := self.next.upper) not in _BLOCK_ENDS:
+            if key == ";":
+                self.take()
+                continue
+            self.begin()
+            first, depth = self.place, self.depth
+            self.notes.count("statements", first)
+            try:
+                if key in ("LOCAL", "TASK", *STORAGE):
+                    if self.after_scope() not in STORAGE:
+                        break
+                    declarations.append(self._declaration())
+                else:
+                    found.append(self._statement(declarations))
+            except NotUnderstood as problem:
+                self.depth = depth
+                noted = self.noted(problem)
+                self.recover(first, _ROUTINE_ENDS)
+                found.append(Statement(start=first, end=self.end, depth=depth, problem=noted))
+        return found
+
+    def _statement(self, declarations: list[Declaration]) -> Statement:
+        one = Statement(start=self.place, end=0, depth=self.depth)
+        match self.next.upper:
+            case key if key in _BLOCKS:
+                self._blocks(one, declarations)
+            case "<":
+                self._placeholder(one)
+            case _:
+                self._simple(one)
+        one.end = self.end
+        return one
+
+    def _simple(self, one: Statement) -> None:
+        """Pass over a statement that is read when all names are known, unless a routine may end or begin before its semicolon."""
+        first, found = self.next, _TO_END.match(self.text, self.place, self.place + MAX_LENGTH)
+        end, label = 0 if found is None else found.end(), _COLON.match(self.text, first.end)
+        if label is not None and first.kind == "name" and first.text.lower() not in RESERVED:
+            one.kind, end = "label", label.end()
+        elif found is None or any(part in found[0].lower() for part in _PARTS_OF_ENDS):
+            counted = self.notes.counted["values"]
+            self.sentence()
+            self.notes.counted["values"] = counted  # when names are known, it is read again
+            end = self.end
+        self.jump(end)
+
+    def _placeholder(self, one: Statement) -> None:
+        """``<SMT>`` and the like, where a statement is still to be written."""
+        self.take()
+        name = self.name()
+        self.expect(">")
+        one.problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+
+    def _blocks(self, one: Statement, declarations: list[Declaration]) -> None:
+        one.kind, arms = self.take().upper, list[tuple[tuple[int, ...], list[Statement]]]()
+        behind, branches, closing = _BLOCKS[one.kind]
+        one.arms = arms
+        if one.kind == "FOR":
+            one.counter = self.name()
+            self.expect("FROM")
+        read = [self._passed()]
+        if one.kind == "FOR":
+            self.expect("TO")
+            read.append(self._passed())
+            read += [self._passed()] if self.accept("STEP") else []
+        self.enter()
+        if one.kind == "IF" and not self.at("THEN"):
+            self.notes.count("statements", self.place)
+            one.compact = True
+            arms.append((tuple(read), [self._statement(declarations)]))
+            self.depth -= 1
+            return
+        if one.kind == "TEST":
+            (one.tested,) = read
+        else:
+            self.expect(behind)
+            arms.append((tuple(read), self._block(declarations)))
+        while (branch := self.next.upper) in branches:
+            self.take()
+            cases = [] if branch in ("ELSE", "DEFAULT") else [self._passed()]
+            while branch == "CASE" and self.accept(","):
+                cases.append(self._passed())
+            if branch != "ELSE":
+                self.expect(branches[branch])
+            arms.append((tuple(cases), self._block(declarations)))
+        self.depth -= 1
+        if not self.accept(closing):
+            self.note(one.start, f"{closing} is missing for what begins here")
+
+    def _passed(self) -> int:
+        """Read an expression, for the place where it begins."""
+        start = self.place
+        self.expression()
+        return start

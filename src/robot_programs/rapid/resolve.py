@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, Literal
@@ -10,41 +10,27 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core import se3
-from robot_programs.core.errors import FileError
-from robot_programs.core.program import THROUGH_TARGET, Motion, MotionKind, Target, Unresolved, Zone
+from robot_programs.core.form import Move, Ref, Span, Text
+from robot_programs.core.program import Motion, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
-from robot_programs.core.values import Lost
-from robot_programs.rapid.names import DATA, File, Scope, Value
-from robot_programs.rapid.syntax import (
-    Aggregate,
-    Argument,
-    Call,
-    Expression,
-    Instruction,
-    Number,
-    Reference,
-    Tail,
-    listed,
-)
+from robot_programs.rapid.names import File, Scope, Value
+from robot_programs.rapid.parse import Argument, arguments_of
+from robot_programs.rapid.syntax import Written
 from robot_programs.rapid.values import (
     MAX_COORDINATE_MM,
     UNIT_TOLERANCE,
     Frames,
-    Origin,
     PassedArgument,
-    Values,
-    Variables,
-    frames_of,
+    Traced,
     numbers,
     parts,
-    pose_numbers,
     pose_of,
     position,
     quaternion,
-    shifted,
 )
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import FileError
 
 # Configuration data of a RAPID target: quadrants of axes 1, 4 and 6, and which of the eight postures is meant.
 #
@@ -165,18 +151,15 @@ NO_AXES = (9e9,) * 6
 class TargetArgument:
     """A target argument: what it means, and where its numbers stand."""
 
-    argument: Argument
-    """Where the target is written: of the motion, or of the call by which the motion's routine is given it."""
-    argument_file: File
+    argument: Span
+    """Where the target is written: in the motion, or in the call by which the motion's routine is given it."""
     type: TargetType
-    origin: Origin | None
+    origin: Traced | None
     """Declaration of its numbers; None where they stand in the argument, or are computed."""
-    literal: Aggregate | None
+    literal: Written | None
     """What holds its numbers, all of them written out; None where some are computed."""
     file: File
     """File of the numbers."""
-    shifted: bool
-    """Offs or RelTool is around it, or it is computed or assigned: its numbers are not those of the literal."""
     passed: PassedArgument | None = None
     """How a routine is given it by the call in which the argument stands; None where that is the motion's own."""
     read_at: int = 0
@@ -196,6 +179,11 @@ class TargetArgument:
     def T(self) -> Float[np.ndarray, "4 4"]:
         """The pose that is meant."""
         return pose_of(self.meant[:3], self.meant[3:7])
+
+    @property
+    def shifted(self) -> bool:
+        """Whether Offs or RelTool is around it, or it is computed or assigned: its numbers are not those of the literal."""
+        return self.base is not None or (self.passed is None and self.origin is None and self.literal is None)
 
     @property
     def root(self) -> "TargetArgument":
@@ -241,7 +229,7 @@ class TargetArgument:
     @property
     def _written(self) -> int:
         if self.origin is None or self.origin.symbol.declaration is None:
-            return self.argument.start if self.literal is None else self.literal.start
+            return self.argument[1] if self.literal is None else self.literal.start
         return self.origin.symbol.declaration.start if self.literal is None else self.literal.start
 
 
@@ -271,88 +259,12 @@ def literal_poses(rows: Float[np.ndarray, "n 7"], like: Motion) -> Float[np.ndar
     return se3.pose(se3.from_quaternion(rows[:, [4, 5, 6, 3]]), rows[:, :3] / 1e3)
 
 
-def resolve_target(argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File) -> TargetArgument:
-    """Meaning of a target argument.
+def target_numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """What a target means, and positions of external axes.
 
     Raises:
-        Unresolved: the text does not say.
+        Unresolved: it is no target.
     """
-    return _resolve(argument.value, argument, type_, scope, values, file)
-
-
-def _resolve(
-    node: Expression | None, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
-) -> TargetArgument:
-    match node:
-        case Reference():
-            return _named(node, argument, type_, scope, values, file)
-        case Call() if node.name.key in ("offs", "reltool") and type_ == "robtarget":
-            return _shifted(node, argument, scope, values, file)
-        case Aggregate() | Call():
-            literal = _literal(node) if isinstance(node, Aggregate) else None
-            what = f"what {node.name.text}() returns" if isinstance(node, Call) else "the target"
-            meant, external = _numbers(values.of(node, scope), type_, what)
-            return TargetArgument(
-                argument=argument, argument_file=file, type=type_, origin=None, literal=literal, file=file,
-                shifted=isinstance(node, Call), meant=meant, external=external,
-            )  # fmt: skip
-        case None:
-            raise Unresolved("the target is missing")
-        case _:
-            raise Unresolved(f"the target is not a {type_}")
-
-
-def _named(
-    node: Reference, argument: Argument, type_: TargetType, scope: Scope, values: Values, file: File
-) -> TargetArgument:
-    """Target of a name: declared data, a parameter with the argument that it was given, or what was assigned."""
-    found = values.found(node, scope)
-    if found.type != type_:
-        raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
-    meant, external = _numbers(found.value, type_, f"'{found.name}'")
-    literal = _literal(found.literal) if isinstance(found.literal, Aggregate) else None
-    passed, origin = found.passed, found.origin
-    target = TargetArgument(
-        argument=argument, argument_file=file, type=type_, origin=origin, literal=literal,
-        file=file if origin is None else origin.symbol.file or file,
-        shifted=origin is None and literal is None, meant=meant, external=external,
-    )  # fmt: skip
-    if passed is None:
-        return target
-    given = passed.argument.value
-    own = len(given.selectors) if isinstance(given, Reference) else 0
-    return replace(
-        target,
-        argument=passed.argument,
-        argument_file=passed.file,
-        file=passed.file if origin is None else target.file,
-        shifted=False,
-        passed=passed,
-        read_at=node.start,
-        whole=not node.selectors and (origin is None or len(origin.selectors) == own),
-    )
-
-
-def _shifted(call: Call, argument: Argument, scope: Scope, values: Values, file: File) -> TargetArgument:
-    required = [a.value for a in call.arguments if not a.option and a.value is not None]
-    options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
-    if len(required) != 4 or len(required) + len(options) != len(call.arguments):
-        raise Unresolved(f"{call.name.text}() is not given a target and three distances")
-    inner = _resolve(required[0], argument, "robtarget", scope, values, file)
-    by = [values.number(node, scope) for node in required[1:]]
-    T = shifted(call.name.text, inner.T, by, {name: values.number(node, scope) for name, node in options.items()})
-    base = inner
-    if (
-        inner.passed is not None
-    ):  # what the call gives is read for other numbers than these, which the motion has to state
-        inner = replace(inner, argument=argument, argument_file=file, origin=None, literal=None, file=file, passed=None)
-    meant = (*pose_numbers(T), *inner.meant[7:])
-    return replace(
-        inner, shifted=True, meant=meant, base=base, along_part=call.name.key == "offs", read_at=required[0].start
-    )
-
-
-def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     if type_ == "jointtarget":
         robax, extax = parts(value, 2, what)
         angles = numbers(robax, JOINTS, f"the robot's axes of {what}")
@@ -368,32 +280,14 @@ def _numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[float, .
     return meant, NO_AXES if external == NO_AXES else external
 
 
-def leaves(literal: Aggregate) -> Iterator[tuple[int, int, float]]:
-    """First character, end and value of the numbers of a target that is written out, in their order."""
-    if isinstance(literal.content, str):
-        yield from listed(literal.content, literal.start, literal.end)
-        return
-    for item in literal.content:
-        if isinstance(item, Aggregate):
-            yield from leaves(item)
-        elif isinstance(item, Number):
-            yield item.start, item.end, item.value
-
-
-def renumbered_target(target: TargetArgument, literal: Aggregate) -> TargetArgument:
+def renumbered_target(target: TargetArgument, literal: Written) -> TargetArgument:
     """A target whose numbers are written out, with others.
 
     Raises:
         Unresolved: they are no target.
     """
-    meant, external = _numbers(literal.values, target.type, "the target")
+    meant, external = target_numbers(literal.values, target.type, "the target")
     return replace(target, meant=meant, external=external)
-
-
-def _literal(node: Aggregate) -> Aggregate | None:
-    """What holds the numbers of a target, which its value was found to have, if all are written out there."""
-    lists = (item.items if isinstance(item, Aggregate) else (item,) for item in (() if node.is_literal else node.items))
-    return node if all(isinstance(leaf, Number) for leaves in lists for leaf in leaves) else None
 
 
 # The instructions of RAPID that move the robot to a target, and in which order they are given what they need.
@@ -519,22 +413,50 @@ class Layout:
         return max([own, *(self.options[name].end for name in ("z", "inpos") if name in self.options)])
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionLine(Move):
+    """A motion instruction."""
+
+    name: str
+    """The instruction, as it is written."""
+    options: frozenset[str]
+    """Names of its optional arguments, in lower case."""
+    routine: str
+    """Name of the one in which it stands."""
+    scope: Scope
+    """What names mean in it."""
+    compact: bool
+    """It is all that an IF without THEN governs."""
+    shared: bool = False
+    """On what it depends beside its targets is said where another line says the same."""
+    finds: Ref | None = None
+    """Data that hold where a search found something."""
+
+    @property
+    def key(self) -> str:
+        """The instruction, in lower case."""
+        return self.name.lower()
+
+
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Site:
     """A motion with its text."""
 
     move: Motion
     file: File
-    instruction: Instruction
+    line: MotionLine
     end: TargetArgument
     via: TargetArgument | None
-    redefined: frozenset[str]
-    """Motion instructions whose names the program gives to routines of its own, by key."""
+
+    @property
+    def text(self) -> Text:
+        """Number of the file, and first character."""
+        return self.line.at[:2]
 
     @property
     def layout(self) -> Layout:
         """The arguments by their meaning."""
-        return layout(self.instruction)
+        return layout(self.line.key, arguments_of(self.file.source, self.line.at[1]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -557,18 +479,16 @@ class Settings:
     """Warnings that came up, each with the file and character where it did first."""
     meanings: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
     """As in `Manner`."""
-    manners: dict[tuple[Scope, str, str | Tail], "Manner"] = field(
-        default_factory=dict[tuple[Scope, str, str | Tail], "Manner"]
+    manners: dict[tuple[object, ...], tuple["Manner", object]] = field(
+        default_factory=dict[tuple[object, ...], tuple["Manner", object]]
     )
-    """How motions move, by the text in front of their targets and behind them, or their tail: that of most lines is alike."""
+    """How motions move, by their settings and what these are: those of most lines are alike."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Manner:
     """How a motion moves, wherever it leads."""
 
-    variables: Variables
-    """What was known where it was resolved; where that is something else it may move in another manner."""
     frames: Frames
     stops: bool
     zone: Zone | None
@@ -576,8 +496,6 @@ class Manner:
     turn_speed: float | None
     divisible: bool
     external_offset: str
-    redefined: frozenset[str]
-    """As in `Site`."""
     meanings: dict[tuple[object, ...], int]
     """Numbers of all that motions of the program do."""
 
@@ -597,22 +515,25 @@ class Resolved:
     """What the text of a motion means; what comes before it is still to be said."""
 
     file: File
-    instruction: Instruction
     end: TargetArgument
     via: TargetArgument | None
     manner: Manner
     routine: str
     """Name of the one in which it stands."""
+    line: MotionLine
 
 
-def layout(instruction: Instruction) -> Layout:
+def layout(key: str, arguments: Sequence[Argument]) -> Layout:
     """The arguments of a motion by their meaning.
+
+    Args:
+        key: the instruction, in lower case.
+        arguments: what it is given.
 
     Raises:
         Unresolved: some are missing, or there is one that is not provided for.
     """
-    arguments = instruction.arguments
-    form = MOTION_FORMS[instruction.name.key]
+    form = MOTION_FORMS[key]
     required = [a for a in arguments if not a.option]
     options: dict[str, Argument] = {}
     for argument in arguments:
@@ -636,76 +557,6 @@ def layout(instruction: Instruction) -> Layout:
     return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
-def target_arguments(instruction: Instruction) -> tuple[Argument | None, Argument]:
-    """Via point, if there is one, and target of a motion.
-
-    Raises:
-        Unresolved: arguments are missing, or there is one that is not provided for.
-    """
-    if instruction.tail is None:
-        where = layout(instruction)
-        return where.via, where.to
-    *via, to = instruction.first
-    return via[0] if via else None, to
-
-
-def resolve(
-    instruction: Instruction, scope: Scope, file: File, settings: Settings, values: Values, routine: str
-) -> Resolved:
-    """What the text of a motion means.
-
-    Raises:
-        Unresolved: it does not give a target, a tool or a frame.
-    """
-    key, text, (by, to) = instruction.name.key, file.source.text, target_arguments(instruction)
-    kind = MOTION_FORMS[key].kind
-    behind = instruction.tail or text[to.end : instruction.end]
-    alike = scope, key if instruction.tail else text[instruction.start : (by or to).start], behind
-    manner = settings.manners.get(alike)
-    same = manner is not None and manner.variables is values.variables and not values.returned
-    where = None if same else layout(instruction)
-    if kind != "axes" and settings.shift:
-        raise Unresolved(settings.shift)
-    type_ = "jointtarget" if kind == "axes" else "robtarget"
-    if manner is None or where is not None:
-        try:
-            manner = settings.manners[alike] = _manner(
-                instruction, where or layout(instruction), scope, file, settings, values
-            )
-        except Unresolved as reason:
-            _with_reason(reason, lambda: resolve_target(to, type_, scope, values, file))
-            raise
-    end = resolve_target(to, type_, scope, values, file)
-    via = resolve_target(by, type_, scope, values, file) if by else None
-    return Resolved(file=file, instruction=instruction, end=end, via=via, manner=manner, routine=routine)
-
-
-def _manner(
-    instruction: Instruction, where: Layout, scope: Scope, file: File, settings: Settings, values: Values
-) -> Manner:
-    """How a motion moves.
-
-    Raises:
-        Unresolved: the text does not say.
-    """
-    form = MOTION_FORMS[instruction.name.key]
-    frames = _in_base(_frames(where, scope, file, values), settings)
-    if "id" in where.options and frames.carrier:
-        raise Unresolved(
-            f"\\ID synchronises it with another mechanism, and its work object '{frames.part.name}' moves with {frames.carrier}, "
-            "whose place then is not in the text"
-        )
-    stops, zone = _zone(where, scope, file, settings, values)
-    speed, turn_speed = _speeds(where, scope, values)
-    return Manner(
-        variables=values.variables, frames=frames, stops=stops, zone=zone,
-        speed=speed if form.speed_counts or "on" in where.options else None, turn_speed=turn_speed,
-        divisible=form.repeats and not where.options.keys() & {"on", "off", "id"},
-        external_offset="" if "noeoffs" in where.options else settings.external_offset,
-        redefined=frozenset(MOTION_FORMS.keys() & scope.routines.keys()), meanings=settings.meanings,
-    )  # fmt: skip
-
-
 def motion_of(
     found: Resolved,
     end: Float[np.ndarray, "4 4"] | None,
@@ -724,11 +575,11 @@ def motion_of(
         settings: of the program.
         texts_motions: how many motions its text stands for.
     """
-    manner, kind = found.manner, MOTION_FORMS[found.instruction.name.key].kind
+    manner, kind = found.manner, MOTION_FORMS[found.line.key].kind
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     binds = kind not in settings.postures_off
     counts = binds or follows is None
-    frames, place = manner.frames, found.file.source.place(found.instruction.start)
+    frames, place = manner.frames, found.file.source.place(found.line.at[1])
     move = Motion(
         kind=kind, end=found.end.target(end, place, counts, binds),
         via=found.via.target(via, place, counts) if found.via else None,
@@ -739,9 +590,7 @@ def motion_of(
         external=axes_of(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip
-    return Site(
-        move=move, file=found.file, instruction=found.instruction, end=found.end, via=found.via, redefined=manner.redefined,
-    )  # fmt: skip
+    return Site(move=move, file=found.file, line=found.line, end=found.end, via=found.via)
 
 
 @lru_cache(maxsize=1024)
@@ -750,7 +599,8 @@ def axes_of(external: tuple[float, ...]) -> tuple[float, ...]:
     return tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in external])
 
 
-def _in_base(frames: Frames, settings: Settings) -> Frames:
+def in_base(frames: Frames, settings: Settings) -> Frames:
+    """Frames counted in the robot's base."""
     if settings.T_world_base is None:
         return frames
     if frames not in settings.frames:
@@ -758,106 +608,48 @@ def _in_base(frames: Frames, settings: Settings) -> Frames:
     return settings.frames[frames]
 
 
-def _frames(where: Layout, scope: Scope, file: File, values: Values) -> Frames:
-    given = where.options.get("wobj")
-    try:
-        tool = _data(where.tool.value, "tool", "tooldata", scope, file, values)
-    except Unresolved as reason:
-        if given is not None:
-            _with_reason(reason, lambda: _data(given.value, "work object", "wobjdata", scope, file, values))
-        raise
-    if given is None:
-        return frames_of(tool, ("wobj0", DATA["wobj0"][1]))
-    return frames_of(tool, _data(given.value, "work object", "wobjdata", scope, file, values))
-
-
-def _with_reason(reason: Unresolved, resolves: Callable[[], object]) -> None:
-    """Raise a reason with another one behind it, if that one is met: all that has to be stated is said at once."""
-    try:
-        resolves()
-    except Unresolved as other:
-        raise Unresolved(f"{reason}; {other}") from None
-
-
-def _data(
-    node: Expression | None, what: str, type_: str, scope: Scope, file: File, values: Values
-) -> tuple[str, Value]:
-    """Name and value of a tool or a work object."""
-    match node:
-        case Reference():
-            if scope.find(node.name.text) is None:
-                raise Unresolved(f"unknown {what} '{node.name.text}'; pass the module that declares it")
-            found = values.found(node, scope)
-            if found.type != type_:
-                raise Unresolved(f"'{node.name.text}' is {found.type}, not {type_}")
-            declared = found.origin is not None and found.passed is None
-            return file.source.text[node.start : node.end] if declared else found.name, found.value
-        case None:
-            raise Unresolved(f"the {what} is missing")
-        case _:
-            return "", values.of(node, scope)
-
-
-def _speeds(where: Layout, scope: Scope, values: Values) -> tuple[float | None, float | None]:
-    """Metres per second, and radians per second of the reorientation (v_ori of the speeddata).
+def speeds(data: Value | None, own: Value | None, *, stated: bool) -> tuple[float | None, float | None]:
+    r"""Metres per second, and radians per second of the reorientation (v_ori of the speeddata).
 
     None where the text does not say, or it is a limit of the robot (vmax).
+
+    Args:
+        data: the speeddata; None where it is not known.
+        own: value of ``\V``, likewise.
+        stated: whether there is a ``\V``.
     """
-    try:
-        data = values.of(where.speed.value, scope) if where.speed.value else None
-    except Unresolved:
-        data = None
     speed, degrees, *_ = (*data, None, None) if isinstance(data, tuple) else (None, None)
-    given = where.options.get("v")
-    if given is not None and given.value is not None:
-        try:
-            speed = values.number(given.value, scope)
-        except Unresolved:
-            speed = None
+    speed = own if stated else speed
     return (
         speed / 1e3 if isinstance(speed, float) and 0.0 < speed < 1e8 else None,
         math.radians(degrees) if isinstance(degrees, float) and 0.0 < degrees < 1e8 else None,
     )
 
 
-def _zone(where: Layout, scope: Scope, file: File, settings: Settings, values: Values) -> tuple[bool, Zone | None]:
+def zone_of(data: Value, own: Value | None, *, stated: bool) -> tuple[bool, Zone | None]:
     r"""Whether a motion stops, and how near it passes by its target otherwise.
 
     The size of the zone for the TCP is also given by ``\Z``. Zones of the reorientation that are smaller are as large
     as that one (Technical reference manual, RAPID, data type zonedata).
-    """
-    if "inpos" in where.options or where.zone is None:
-        return True, THROUGH_TARGET
-    try:
-        data = values.of(where.zone.value, scope) if where.zone.value else None
-    except Unresolved as reason:
-        data = (Lost(reason=str(reason)),)
-    if isinstance(data, tuple) and data and isinstance(data[0], Lost):
-        note = f"the zone of a motion is not known, which is taken as a stop: {data[0].reason}"
-        settings.notes.setdefault(note, (file, where.zone.start))
-        return True, THROUGH_TARGET
-    if not isinstance(data, tuple) or not data or not isinstance(data[0], bool):
-        raise Unresolved("its zone is not zonedata")
-    try:
-        return data[0], _sizes(data, where, scope, values)
-    except Unresolved:
-        return data[0], None
 
-
-def _sizes(data: tuple[Value, ...], where: Layout, scope: Scope, values: Values) -> Zone | None:
-    r"""Sizes of a zone; None where the text does not tell them.
+    Args:
+        data: the zonedata.
+        own: value of ``\Z``; None where it is not known.
+        stated: whether there is one.
 
     Raises:
-        Unresolved: ``\Z`` is computed.
+        Unresolved: it is no zonedata.
     """
-    given = where.options.get("z")
-    path = data[1] if given is None or given.value is None else values.number(given.value, scope)
-    turn, angle = (data[2], data[4]) if len(data) > 4 else (path, 0.0)
+    stops, *sizes = data if isinstance(data, tuple) and data else (None,)
+    if not isinstance(stops, bool):
+        raise Unresolved("its zone is not zonedata")
+    path = own if stated else sizes[0] if sizes else None
+    turn, angle = (sizes[1], sizes[3]) if len(sizes) > 3 else (path, 0.0)
     if not (isinstance(path, float) and isinstance(turn, float) and isinstance(angle, float)):
-        return None
+        return stops, None
     if not (math.isfinite(path) and path >= 0.0 and math.isfinite(turn) and math.isfinite(angle)):
-        return None
-    return Zone(distance=path / 1e3, turn_distance=max(path, turn) / 1e3, angle=math.radians(max(angle, 0.0)))
+        return stops, None
+    return stops, Zone(distance=path / 1e3, turn_distance=max(path, turn) / 1e3, angle=math.radians(max(angle, 0.0)))
 
 
 # Where the robot of a RAPID program stands: the base frame in ``MOC.cfg``, the motion parameters of a backup.
@@ -903,13 +695,13 @@ def _robots(text: str) -> list[tuple[str, str]]:
     sections = list(_SECTION.finditer(text))
     ends = [*(section.start() for section in sections[1:]), len(text)]
     robots: list[tuple[str, str]] = []
-    for section, end in zip(sections, ends, strict=True):
+    for section, end in zip(sections, ends, strict=False):  # without a section there is an end all the same
         if section[1].upper() != "ROBOT":
             continue
         body = text[section.end() : end]
         names = list(_NAME.finditer(body))
         behind = [*(name.start() for name in names[1:]), len(body)]
-        robots += [(name[1], body[name.start() : at]) for name, at in zip(names, behind, strict=True)]
+        robots += [(name[1], body[name.start() : at]) for name, at in zip(names, behind, strict=False)]
     return robots
 
 

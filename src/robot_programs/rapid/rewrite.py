@@ -1,212 +1,131 @@
 """Rewriting motions: numbers where they stand, clones of shared targets, further motions on the way; and new modules."""
 
-import math
 from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice, pairwise, zip_longest
-from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
-from robot_programs.core.errors import InputError
 from robot_programs.core.flow import Loop, lines_in
+from robot_programs.core.form import Ask, Assign, Check, Do, Line, Move, Routine, Span, inside
 from robot_programs.core.program import (
     Composition,
     Frame,
     Motion,
     MotionKind,
     Paths,
-    Program,
     Target,
     Unresolved,
     Visit,
     Waypoint,
     Wrapping,
-    reject_in_turn,
     wrapping,
 )
 from robot_programs.core.robot import Robot
+from robot_programs.core.sharing import Pose, SharingProgram, Spelling, Use
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
-from robot_programs.core.written_out import (
-    MAX_SHARED_TURN_RAD,
-    Repeated,
-    Shared,
-    Table,
-    Turns,
-    least_worst,
-    loops_to_write,
-    of_whole_paths,
-    reaching,
-    same_motions,
-    tables,
-    with_texts,
-    written_out,
-)
-from robot_programs.rapid.changes import Use
-from robot_programs.rapid.computed import calls_function, wrap
-from robot_programs.rapid.names import DATA, Context, File, Symbol
-from robot_programs.rapid.parse import RESERVED
+from robot_programs.core.values import Origin
+from robot_programs.core.written_out import Repeated, Table, Turns
+from robot_programs.rapid.helper import calls_function, wrap
+from robot_programs.rapid.lower import FRAMES, Labelled, Lowered, Unread
+from robot_programs.rapid.meaning import Reference
+from robot_programs.rapid.names import DATA, File, Procedure, Symbol, Value
 from robot_programs.rapid.resolve import (
     JOINTS,
     NAMES,
     Configuration,
+    MotionLine,
     Site,
     TargetArgument,
     TargetType,
     axes_of,
-    configuration,
-    leaves,
-    pose_numbers,
     poses_of,
     renumbered_target,
-    target_arguments,
 )
-from robot_programs.rapid.syntax import (
-    LISTED,
-    Aggregate,
-    Argument,
-    Assignment,
-    Call,
-    Control,
-    Declaration,
-    Instruction,
-    Label,
-    Line,
-    Node,
-    Routine,
-    Unparsed,
-    list_end,
-    parts,
-    tokenize,
-    words_from,
-)
+from robot_programs.rapid.syntax import RESERVED, Declaration, Written, key_of, list_end, tokenize, words
 from robot_programs.rapid.values import (
     DEG_DECIMALS,
     MM_DECIMALS,
-    pose_of,
+    TARGETS,
+    pose_numbers,
     pose_rows,
     quaternion_texts,
     quaternions_texts,
     real,
     reals,
 )
+from taskcal_groundwork.errors import InputError
 
-# The numbers of a rewritten target, as text.
+# The numbers of a rewritten target, and their text.
 
-TEXT_TOLERANCE_MM = 1e-4
-TEXT_TOLERANCE_QUATERNION = 1e-7
-TEXT_TOLERANCE_DEG = 1e-6
+Numbers = tuple[float, ...]
+"""Of a target before its external axes; see `TargetArgument.meant`."""
+
+TOLERANCES: Mapping[TargetType, Numbers] = {
+    "robtarget": (*(1e-4,) * 3, *(1e-7,) * 4, *(0.0,) * 4), "jointtarget": (1e-6,) * JOINTS,
+}  # fmt: skip
 """Numbers that change by no more keep their text."""
-
-Texts = tuple[str | None, ...]
-"""A text for each number of a target before its external axes; None where it keeps its own."""
-
-
-WANTED_TOLERANCE_MM, WANTED_TOLERANCE = 1e-3, 2e-6
-"""Texts that differ by no more, millimetres, and parts of a quaternion or degrees, want the same."""
-
-
-def agree(target: TargetArgument, texts: Texts, others: Texts) -> bool:
-    """Whether two texts of a target want the same numbers."""
-    pairs = zip(texts, others, target.meant, strict=True)
-    off = [abs((old if a is None else float(a)) - (old if b is None else float(b))) for a, b, old in pairs]
-    if target.type == "jointtarget":
-        return max(off) <= WANTED_TOLERANCE
-    return max(off[:3]) <= WANTED_TOLERANCE_MM and max(off[3:7]) <= WANTED_TOLERANCE and max(off[7:]) == 0.0
-
 
 Ends = Mapping[TargetArgument, Waypoint]
 """What targets are to become."""
 
 
-def new_texts(ends: Ends, robot: Robot) -> dict[TargetArgument, Texts]:
-    """Texts of waypoints in place of targets."""
-    joints = {target: _degree_texts(target, end) for target, end in ends.items() if target.type == "jointtarget"}
-    return joints | _pose_texts({target: end for target, end in ends.items() if target not in joints}, robot)
+def new_numbers(ends: Ends, robot: Robot) -> dict[TargetArgument, Numbers]:
+    """Numbers of waypoints in place of targets; those that keep their text are a target's own."""
+    found = dict[TargetArgument, Numbers]()
+    for type_ in TOLERANCES:
+        own = [target for target in ends if target.type == type_]
+        if own:
+            meant, q = np.array([target.meant for target in own]), np.stack([ends[target].q for target in own])
+            if type_ == "jointtarget":
+                rows = _kept(np.degrees(q), meant, type_)
+            else:
+                rows = _pose_rows(np.stack([_pose(ends[target]) for target in own]), meant)
+                rows = np.hstack([rows, Configuration.confdata(robot, q, meant[:, 7:].astype(np.int64))])
+            found |= zip(own, map(tuple, rows.tolist()), strict=True)
+    return found
 
 
-def _degree_texts(target: TargetArgument, waypoint: Waypoint) -> Texts:
-    return tuple(
-        None if abs(new - old) <= TEXT_TOLERANCE_DEG else real(float(new), DEG_DECIMALS)
-        for new, old in zip(np.degrees(waypoint.q), target.meant, strict=True)
-    )
+def _pose_rows(T: Float[np.ndarray, "n 4 4"], meant: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n 7"]:
+    """Positions and quaternions of poses in place of those of targets, whose signs these have."""
+    rows = pose_rows(T)
+    rows[(rows[:, 3:] * meant[:, 3:7]).sum(axis=1) < 0.0, 3:] *= -1.0
+    return _kept(rows, meant[:, :7], "robtarget")
 
 
-def _pose_texts(ends: Ends, robot: Robot) -> dict[TargetArgument, Texts]:
-    if not ends:
-        return {}
-    meant = np.array([target.meant for target in ends])
-    pose = pose_rows(np.stack([_pose(waypoint) for waypoint in ends.values()]))
-    pose[(pose[:, 3:] * meant[:, 3:7]).sum(axis=1) < 0.0, 3:] *= -1.0
-    off = np.abs(pose - meant[:, :7])
-    moved, turned = off[:, :3] > TEXT_TOLERANCE_MM, off[:, 3:].max(axis=1) > TEXT_TOLERANCE_QUATERNION
-    stated = meant[:, 7:].astype(np.int64)
-    confdata = Configuration.confdata(robot, np.stack([waypoint.q for waypoint in ends.values()]), stated)
-    places = iter(reals(pose[:, :3][moved].tolist(), MM_DECIMALS))
-    quaternions = iter(quaternions_texts(pose[turned, 3:]))
-    return {
-        target: (
-            *(next(places) if new else None for new in changes),
-            *(_quaternion_texts(target, next(quaternions)) if turns else (None,) * 4),
-            *(None if new == old else str(new) for new, old in zip(cf, was, strict=True)),
-        )
-        for target, changes, turns, cf, was in zip(
-            ends, moved.tolist(), turned.tolist(), confdata.tolist(), stated.tolist(), strict=True
-        )
-    }
+def _kept(
+    rows: Float[np.ndarray, "n k"], meant: Float[np.ndarray, "n k"], type_: TargetType
+) -> Float[np.ndarray, "n k"]:
+    """Numbers with those of targets where they keep their text: a quaternion as a whole."""
+    stays = np.abs(rows - meant) <= np.array(TOLERANCES[type_][: rows.shape[1]])
+    if type_ == "robtarget":
+        stays[:, 3:] = stays[:, 3:].all(axis=1, keepdims=True)
+    return np.where(stays, meant, rows)
 
 
-def _quaternion_texts(target: TargetArgument, texts: Texts) -> Texts:
-    """Texts of a quaternion, but for those that say what is written."""
-    if target.literal is None or target.shifted:
-        return texts
-    literal = target.literal
-    own = literal.values[1] if literal.is_literal else None
-    raw = own if isinstance(own, tuple) else (value for _, _, value in islice(leaves(literal), 3, 7))
-    return tuple(
-        None if text is None or abs(float(text) - value) <= TEXT_TOLERANCE_QUATERNION else text
-        for text, value in zip(texts, raw, strict=True)
-    )
+Texts = tuple[str, ...]
+"""A text for each number of a target before its external axes."""
 
 
-def fresh_text(type_: TargetType, waypoint: Waypoint, robot: Robot, like: TargetArgument) -> str:
-    """An aggregate for a waypoint, with the external axes of a target."""
+def written(type_: TargetType, numbers: Sequence[Numbers]) -> list[Texts]:
+    """Texts of the numbers of targets of a type."""
+    rows, size = np.array(numbers).reshape(-1, len(TOLERANCES[type_])), JOINTS if type_ == "jointtarget" else 3
+    own = iter(reals(rows[:, :size].ravel().tolist(), DEG_DECIMALS if type_ == "jointtarget" else MM_DECIMALS))
+    first = list(zip(*[own] * size, strict=True))
     if type_ == "jointtarget":
-        numbers = _axes_written(np.degrees(waypoint.q))
-    else:
-        pose = pose_numbers(_pose(waypoint))
-        stated = like.meant[3:] if like.type == "robtarget" else None
-        sign = 1.0 if stated is None or np.dot(pose[3:], stated[:4]) >= 0.0 else -1.0
-        cf = Configuration.of(robot, waypoint.q, configuration(stated[4:]) if stated else None)
-        numbers = _pose_written((*pose[:3], *(sign * v for v in pose[3:])), cf)
-    return _aggregate(type_, numbers, external_texts(like, waypoint.external))
-
-
-def _axes_written(degrees: Iterable[float]) -> list[str]:
-    return [real(float(angle), DEG_DECIMALS) for angle in degrees]
-
-
-def _pose_written(pose: tuple[float, ...], cf: Configuration) -> list[str]:
-    own = [*(real(v, MM_DECIMALS) for v in pose[:3]), *quaternion_texts(pose[3:])]
-    return [*own, *(str(number) for number in (cf.cf1, cf.cf4, cf.cf6, cf.cfx))]
+        return first
+    turns, confdata = quaternions_texts(rows[:, 3:7]), rows[:, 7:].astype(np.int64).tolist()
+    return [(*xyz, *turn, *map(str, cf)) for xyz, turn, cf in zip(first, turns, confdata, strict=True)]
 
 
 def _pose(waypoint: Waypoint) -> Float[np.ndarray, "4 4"]:
     assert waypoint.T is not None
     return waypoint.T
-
-
-def meant_text(target: TargetArgument, texts: Texts) -> str:
-    """An aggregate for a target, its numbers replaced where there are new ones."""
-    meant = target.meant
-    own = _axes_written(meant) if target.type == "jointtarget" else _pose_written(meant[:7], configuration(meant[7:]))
-    numbers = [new if new is not None else old for new, old in zip(texts, own, strict=True)]
-    return _aggregate(target.type, numbers, external_texts(target))
 
 
 def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) -> list[str]:
@@ -215,7 +134,7 @@ def external_texts(target: TargetArgument, positions: tuple[float, ...] = ()) ->
         written = [real(v, MM_DECIMALS) for v in target.external]
     else:
         text = target.file.source.text
-        written = [text[start:end] for start, end, _ in list(leaves(target.literal))[-6:]]
+        written = [text[start:end] for start, end, _ in list(target.literal.leaves())[-6:]]
     return [
         own if new is None or np.isnan(new) or new == old else real(new, MM_DECIMALS)
         for own, old, new in zip_longest(written, target.external, positions)
@@ -226,155 +145,19 @@ _GROUPS: Mapping[TargetType, tuple[int, ...]] = {"robtarget": (3, 4, 4), "jointt
 """Numbers of the records in a target, before its external axes."""
 
 
-def _aggregate(type_: TargetType, numbers: Iterable[str], external: Iterable[str]) -> str:
-    coming = iter(numbers)
+def _aggregate(type_: TargetType, numbers: Numbers, external: Iterable[str]) -> str:
+    (own,) = written(type_, [numbers])
+    coming = iter(own)
     groups = [*(tuple(islice(coming, count)) for count in _GROUPS[type_]), tuple(external)]
     return "[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]"
 
-
-# Targets that several motions share: which can be rewritten as each of them needs, and which cannot.
-#
-# A motion in a routine that is given its target, or in a loop, stands for several motions with one text. What it is
-# given can be changed where the call is, if nothing else reads it there; its own text only if all of its motions
-# need the same.
-
-Home = tuple[object, ...]
-"""Where the numbers of a target stand."""
 
 Datum = tuple[Symbol, tuple[int, ...] | None]
 """Data, or a component or element of them; None where it is not known which."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Want:
-    """New numbers for a target argument of a motion."""
-
-    number: int
-    target: TargetArgument
-    motion: Site
-    texts: Texts
-
-    @property
-    def changes(self) -> bool:
-        """Whether some number gets another text."""
-        return any(text is not None for text in self.texts)
-
-    @property
-    def replaceable(self) -> bool:
-        """Whether the name of another target may stand where this one's does, as far as the motion goes."""
-        if self.target.passed is not None:
-            return self.target.whole
-        return self.motion.move.texts_motions == 1
-
-    @property
-    def is_carried(self) -> bool:
-        """Whether its text stays, because several motions have it, and only what it shifts can change."""
-        base = self.target.base
-        return base is not None and not base.shifted and self.motion.move.texts_motions > 1
-
-    @property
-    def carrier(self) -> TargetArgument:
-        """Target that it shifts."""
-        assert self.target.base is not None
-        return self.target.base
-
-    @property
-    def T(self) -> Float[np.ndarray, "4 4"]:
-        """The pose that is wanted."""
-        own = self.target.meant
-        numbers = [old if text is None else float(text) for text, old in zip(self.texts, own, strict=True)]
-        quaternion = np.array(numbers[3:7])
-        return pose_of(tuple(numbers[:3]), tuple(quaternion / np.linalg.norm(quaternion)))
-
-    @property
-    def home(self) -> Home:
-        """Place of its numbers."""
-        return home_of(self.target)
-
-    def agrees(self, other: "Want") -> bool:
-        """Whether two want the same numbers."""
-        return agree(self.target, self.texts, other.texts)
-
-
-def _misses(want: Want, T_base: Float[np.ndarray, "4 4"], tolerance: float) -> str:
-    """Why a target cannot go with the one that it shifts; empty where that brings it to where it should be."""
-    T = want.target.carried(T_base)
-    off = float(np.linalg.norm(T[:3, 3] - want.T[:3, 3]))
-    turned = float(np.linalg.norm(se3.log(T[:3, :3].T @ want.T[:3, :3])))
-    if off <= tolerance and turned <= MAX_SHARED_TURN_RAD:
-        return ""
-    return f"goes with the target that it shifts, and would be {off * 1e3:.3f} mm and {math.degrees(turned):.3f}° off"
-
-
 def _targets(motion: Site) -> list[TargetArgument]:
     return [motion.end] if motion.via is None else [motion.end, motion.via]
-
-
-def _stands_alone(motion: Site) -> bool:
-    """Whether a motion has its text for itself, so that another name or other numbers may stand there."""
-    return motion.move.texts_motions == 1 and all(
-        target.passed is None and target.root.passed is None for target in _targets(motion)
-    )
-
-
-def _shared_place(target: TargetArgument) -> tuple[object, Home]:
-    """Place of the numbers of a target, apart for each call that gives it."""
-    return (target.argument if target.passed else None, home_of(target))
-
-
-def _is_free(target: TargetArgument) -> bool:
-    """Whether a target that motions shift may get other numbers in its declaration."""
-    return target.passed is None and target.origin is not None and target.literal is not None and not target.shifted
-
-
-def home_of(target: TargetArgument) -> Home:
-    """Place of the numbers of a target."""
-    if target.origin is not None:
-        return (target.origin.symbol, target.origin.path)
-    return (target.argument, target.literal, target.meant if target.literal is None else ())
-
-
-def other_use(
-    uses: Iterable[Use], path: tuple[int, ...], wants: Iterable[Want], goes_along: Callable[[Use], bool]
-) -> Use | None:
-    """Reference that reads a target beside the arguments that change and those that go with it."""
-    changes = _within(want for want in wants if want.changes)
-    return next((use for use in uses if use.overlaps(path) and not changes(use) and not goes_along(use)), None)
-
-
-def _within(wants: Iterable[Want]) -> Callable[[Use], bool]:
-    """Whether references stand in the arguments of some motions, none of which stands in another."""
-    spans: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    for want in wants:
-        spans[id(want.target.argument_file)].append((want.target.argument.start, want.target.argument.end))
-    for own in spans.values():
-        own.sort()
-
-    def stands(use: Use) -> bool:
-        own = spans.get(id(use.file), ())
-        last = bisect_right(own, use.start, key=lambda span: span[0]) - 1
-        return last >= 0 and use.start < own[last][1]
-
-    return stands
-
-
-def _read_too(what: str, use: Use | None) -> str:
-    """Why numbers cannot change that something else reads; empty where nothing does."""
-    return "" if use is None else f"{what} is read for something else in {use.file.source.place(use.start)}, too"
-
-
-def _all_of(group: Iterable[Want], why: str) -> Iterator[tuple[int, str]]:
-    return ((want.number, why) for want in group)
-
-
-def _places(group: Iterable[Want]) -> str:
-    places: dict[str, None] = {}
-    for want in group:
-        places[str(want.motion.move.place)] = None
-        if want.target.passed is not None:
-            places[str(want.target.argument_file.source.place(want.target.argument.start))] = None
-    shown = list(places)[:4]
-    return ", ".join(shown) + (" …" if len(places) > len(shown) else "")
 
 
 MAX_NAME_LENGTH = 32
@@ -387,41 +170,38 @@ FLY_BY = "z0"
 """The finest zone without a stop."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Edits:
-    """Edits by file."""
-
-    by_path: dict[str, list[TextEdit]] = field(default_factory=dict[str, list[TextEdit]])
-
-    def add(self, source: Source, start: int, end: int, text: str) -> None:
-        self.by_path.setdefault(str(source.path), []).append(TextEdit(start=start, end=end, text=text))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class RapidProgram(Program):
+class RapidProgram(SharingProgram):
     """A program of one or several RAPID modules."""
 
-    sites: tuple[Site, ...]
-    """The moves with their text, in the same order."""
-    uses: Mapping[Symbol, tuple[Use, ...]]
+    LANGUAGE: ClassVar = "RAPID"
+    REWORDS: ClassVar = True
+    SHARES_ROUTINES: ClassVar = True
+    TABLE: ClassVar = "TaskcalTargets"
+    DIVIDED: ClassVar = " DIV "
+
+    sites: tuple[Site, ...] = ()
+    routines: tuple[Procedure, ...] = ()
+    uses: Mapping[Symbol, tuple[Reference, ...]]
     """All references to declared data."""
-    everywhere: tuple[Context, ...] = ()
-    """Modules and routines."""
-    unresolved: frozenset[Instruction] = frozenset()
+    files: tuple[File, ...]
+    """The modules' files, by their numbers."""
+    frames: Mapping[Symbol, Value]
+    """What tools and work objects are declared as."""
+    form: Lowered
+    """The program in the one form."""
+    unresolved: frozenset[MotionLine] = frozenset()
     """Motions that were not resolved, on no way that leads to them."""
     shift: str = ""
     """As in `Settings`."""
-    turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
-    """See `Flow.turns`."""
-    begun: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
-    """See `Flow.begun`."""
 
-    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten.
+    @property
+    def texts(self) -> Sequence[Source]:
+        """The modules, by the numbers by which places name them."""
+        return [file.source for file in self.files]
 
-        Args:
-            robot: the robot, whose joint positions decide the configuration data that are written.
-            waypoints: by number of the motion.
+    def spelling(self, robot: Robot, waypoints: Paths) -> "RapidSpelling":
+        """Numbers are changed where they stand; others are declared beside these, or stand in the argument.
 
         Raises:
             InputError: the robot has not six joints.
@@ -429,23 +209,25 @@ class RapidProgram(Program):
         if len(robot.joint_names) != JOINTS:
             count = len(robot.joint_names)
             raise InputError(f"{robot.name} has {count} joints; a RAPID program of it is not written, only of six")
-        edits = _Edits()
-        ends: dict[TargetArgument, Waypoint] = {}
-        numbers: dict[TargetArgument, int] = {}
-        for number in sorted(waypoints):
-            path, motion = waypoints[number], self.sites[number]
-            own = _ends(motion, path[-1], robot, edits)
-            ends |= own
-            numbers |= dict.fromkeys(own, number)
-            if len(path) > 1:
-                _insert(motion, path[:-1], robot, edits)
-        texts = new_texts(ends, robot)
-        wants = [
-            Want(number=number, target=target, motion=self.sites[number], texts=texts[target])
-            for target, number in numbers.items()
-        ]
-        _write_targets([*wants, *_carriers(wants, ends, robot)], self.sources, self.uses, edits)
-        return tuple(source.edited(edits.by_path.get(str(source.path), ())) for source in self.sources)
+        return RapidSpelling(sources=self.texts, program=self, robot=robot, uses=[*self._uses(robot, waypoints)])
+
+    def _uses(self, robot: Robot, waypoints: Paths) -> "Iterator[Use[Numbers]]":
+        """The targets of all motions."""
+        ends = dict[TargetArgument, Waypoint]()
+        for number, (*_, last) in waypoints.items():
+            site = self.sites[number]
+            ends |= {site.end: last} if _type(last.kind) == site.end.type else {}
+            ends |= {site.via: last.via} if site.via is not None and last.via is not None else {}
+        wanted = new_numbers(ends, robot)
+        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
+            for target, point, said in (
+                (site.via, site.line.points[0], move.via),
+                (site.end, site.line.points[-1], move.end),
+            ):
+                if target is not None and said is not None:
+                    end, own = ends.get(target), wanted.get(target, target.meant)
+                    T = None if said.T is None else (said.T, said.T if end is None or end.T is None else end.T)
+                    yield _use(number, site, target, point.at, own, T)
 
     def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
         r"""The value of ``\V``, which takes the place of the speed's own; see `Program.speed_edit`.
@@ -457,245 +239,98 @@ class RapidProgram(Program):
         where, text = site.layout, real(speed * 1e3, MM_DECIMALS)
         file = next(i for i, source in enumerate(self.sources) if source.path == site.file.source.path)
         if (given := where.options.get("v")) is not None and given.value is not None:
-            return file, TextEdit(start=given.value.start, end=given.value.end, text=text)
-        if (name := site.instruction.name.text).lower() not in ("movej", "movel", "movec"):
+            _, start, end = given.value.at
+            return file, TextEdit(start=start, end=end, text=text)
+        if (name := site.line.name).lower() not in ("movej", "movel", "movec"):
             raise InputError(f"{site.move.place}: {name} takes no speed of its own; change its speed data")
         return file, TextEdit(start=where.speed.end, end=where.speed.end, text=f"\\V:={text}")
-
-    def unwritable(self, robot: Robot, waypoints: Paths, tolerance: float) -> dict[int, str]:
-        """Motions that cannot be rewritten as they should; see `Program.unwritable`."""
-        sharing = self._sharing()
-        ends: dict[TargetArgument, Waypoint] = {}
-        for i in sharing:
-            site, last = self.sites[i], waypoints[i][-1] if i in waypoints else None
-            if last is not None and last.kind == site.move.kind:
-                ends[site.end] = last
-                if site.via is not None and last.via is not None:
-                    ends[site.via] = last.via
-        texts = new_texts(ends, robot)
-        return reject_in_turn(waypoints, lambda rest: self._conflicts(rest, sharing, texts, tolerance))
 
     def motions_in(self, sources: tuple[Source, ...]) -> tuple[Motion, ...]:
         """The motions of other texts of the same files; see `Program.motions_in`."""
         found = _renumbered(self.sites, self.uses, self.sources, sources)
         return super().motions_in(sources) if found is None else found
 
-    def least_worst(
-        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
-    ) -> dict[int, tuple[Waypoint, ...]]:
-        """One value where motions share their numbers; see `Program.least_worst`."""
-        groups: dict[object, list[Shared]] = defaultdict(list)
-        for i in self._sharing():
-            site, target = self.sites[i], self.sites[i].end
-            want = Want(number=i, target=target, motion=site, texts=())
-            if target.type != "robtarget" or site.via is not None or (target.shifted and not want.is_carried):
-                continue
-            if want.is_carried:
-                one, own = Shared(number=i, base=target.uncarried, target=target.carried), want.carrier
-            else:
-                one, own = Shared(number=i), target
-            groups[_shared_place(own)].append(one)
-        out: dict[int, tuple[Waypoint, ...]] = {}
-        for group in groups.values():
-            if any(one.number in numbers for one in group):
-                out |= least_worst(group, waypoints, tolerance)
-        return out
+    def fresh_names(self) -> FreshNames:
+        """Names that are free in all files."""
+        found = (key_of(token) for source in self.sources for token in tokenize(source.text) if token.kind == "name")
+        return FreshNames(found, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
 
-    def _sharing(self) -> list[int]:
-        """Motions whose texts stand for several or are given by calls, and all that have a target in common with these."""
-        others = [motion for motion in self.sites if not _stands_alone(motion)]
-        homes = {
-            home_of(one) for motion in others for target in _targets(motion) for one in (target, target.base or target)
-        }
-        return [
-            i
-            for i, motion in enumerate(self.sites)
-            if homes and (not _stands_alone(motion) or any(home_of(target) in homes for target in _targets(motion)))
+    def counter(self, loop: Loop) -> str:
+        """Name of the counter of a loop; empty where it has none."""
+        return _counter(loop.line)
+
+    def differs(self, routine: Procedure, loop: Loop) -> bool:
+        """Whether the turns of a loop differ by its own counter."""
+        return loop.kind == "while" or len(_counter_names(routine, loop)) > 1
+
+    def turned(self, routine: Procedure, loop: Loop, taken: Sequence[float]) -> Turns | None:
+        """A loop turn by turn; see `SharingProgram.turned`."""
+        source, text, line = routine.file.source, routine.file.source.text, loop.line
+        _, start, end = line.at
+        own = list(words(text, max(one.at[2] for one in line.conditions if one.at != line.at), end))
+        closing, counter, inner = own[-1], _counter(line), list(lines_in(loop.body))
+        odd = any(isinstance(one, Labelled | Unread) for one in inner)
+        hidden = counter and counter.lower() in {_counter(one).lower() for one in inner if isinstance(one, Check)}
+        declares = any(
+            isinstance(one, Symbol) and one.declaration is not None and start < one.declaration.start < end
+            for one in routine.variables
+        )
+        asks = any(isinstance(part, Ask) for one in line.conditions for part in inside(one))  # which may do more
+        if odd or hidden or declares or asks or closing.upper not in ("ENDFOR", "ENDWHILE"):
+            return None
+        begins, ends = own[0].end, closing.start
+        ends = begins + len(text[begins:ends].rstrip())
+        rest, newline = text[begins : text.find("\n", begins)].strip(), source.newline + source.indent(start)
+        apart = "" if not rest or rest.startswith("!") else newline
+        counts = [real(count, COUNT_DECIMALS) for count in taken]
+        heads = [
+            f"! {counter} = {own}" if counter else f"! turn {k + 1} of {len(counts)}" for k, own in enumerate(counts)
         ]
-
-    def _conflicts(
-        self,
-        waypoints: Paths,
-        sharing: Sequence[int],
-        texts: Mapping[TargetArgument, Texts],
-        tolerance: float,
-    ) -> Iterator[tuple[int, str]]:
-        for i in sharing:
-            motion = self.sites[i]
-            count = motion.move.texts_motions
-            (*before, last) = waypoints.get(i, (None,))
-            if count > 1 and (before or (last is not None and last.kind != motion.move.kind)):
-                yield i, f"its text stands for {count} motions, and cannot become other ones for one of them"
-        by_argument: dict[object, list[Want]] = defaultdict(list)
-        by_home: dict[Home, list[Want]] = defaultdict(list)
-        carried: list[Want] = []
-        for i, target in ((k, target) for k in sharing for target in _targets(self.sites[k])):
-            new = (texts.get(target) if i in waypoints else None) or (None,) * len(target.meant)
-            want = Want(number=i, target=target, motion=self.sites[i], texts=new)
-            if want.is_carried:
-                carried.append(want)
-            else:
-                by_argument[target.argument].append(want)
-                by_home[want.home].append(want)
-        followed, lost = self._carried(carried, by_home, tolerance)
-        yield from lost
-        replaced = _within(
-            want
-            for group in by_argument.values()
-            for want in group
-            if want.changes
-            and want.target.origin is None
-            and want.target.shifted
-            and want.target.root.passed is not None
+        behind = text[end : text.find("\n", end)].strip()
+        return Turns(
+            start=start,
+            end=end,
+            body=(begins, ends),
+            before=tuple(f"{newline if k else ''}{head}{apart}" for k, head in enumerate(heads)),
+            after=newline if behind and not behind.startswith("!") else "",
+            named=tuple(
+                {
+                    at: f"({count})" if count.startswith("-") else count
+                    for at in _counter_names(routine, loop)
+                    if at[0] > begins
+                }
+                for count in counts
+            ),
         )
-        going: dict[object, list[Want]] = defaultdict(list)
-        for want in followed:
-            going[want.carrier.argument].append(want)
-            going[home_of(want.carrier)].append(want)
-        for argument, group in by_argument.items():
-            yield from self._in_argument(group, going.get(argument, ()), replaced)
-        for home, group in by_home.items():
-            yield from self._of_home(group, going.get(home, ()))
 
-    def _carried(
-        self, carried: Sequence[Want], by_home: Mapping[Home, Sequence[Want]], tolerance: float
-    ) -> tuple[list[Want], list[tuple[int, str]]]:
-        """Targets that go with those that they shift: those that come to where they should be, and why others cannot."""
-        followed: list[Want] = []
-        lost: list[tuple[int, str]] = []
-        stuck: set[tuple[object, Home]] = set()
-        # those whose target no motion goes to itself, which may be anywhere
-        alone: dict[tuple[object, Home], list[Want]] = defaultdict(list)
-        for want in carried:
-            base = want.carrier
-            direct = [w for w in by_home.get(home_of(base), ()) if w.changes and not w.target.shifted]
-            if base.passed is not None:
-                direct = [w for w in direct if w.target.argument is base.argument]
-            if not direct and _is_free(base):
-                alone[_shared_place(base)].append(want)
-            elif why := _misses(want, direct[0].T if direct else base.T, tolerance):
-                lost.append((want.number, why))
-                stuck.add(_shared_place(base))
-            else:
-                followed.append(want)
-        for group in alone.values():
-            if not any(want.changes for want in group):
-                continue
-            T_base, origin = group[0].target.uncarried(group[0].T), group[0].carrier.origin
-            assert origin is not None
-            other = other_use(self.uses.get(origin.symbol, ()), origin.path, (), _within(group))
-            whys = (_misses(want, T_base, WANTED_TOLERANCE_MM / 1e3) for want in group)
-            why = next(filter(None, whys), "") or _read_too(f"its target {origin.name}", other)
-            lost += _all_of(group, why) if why else ()
-            followed += () if why else group
-        return [want for want in followed if _shared_place(want.carrier) not in stuck], lost
+    def copied(self, routine: Procedure) -> Repeated | None:
+        """A procedure or function, if it is the only routine of its name; see `SharingProgram.copied`."""
+        source, own = routine.file.source, routine.scope.routines[routine.name.lower()]
+        if routine.kind not in ("proc", "func") or len(own) > 1:
+            return None
+        return Repeated(
+            source=source, at=routine.end, before=source.newline * 2 + source.indent(routine.start),
+            span=(routine.start, routine.end), name=routine.named,
+        )  # fmt: skip
 
-    def _in_argument(
-        self, group: Sequence[Want], going: Iterable[Want], replaced: Callable[[Use], bool]
-    ) -> Iterator[tuple[int, str]]:
-        """Motions that get their targets from one argument, each target from one place.
-
-        What reads a parameter in text that numbers take the place of reads it no longer.
-        """
-        if not any(want.changes for want in group):
-            return
-        of_home: dict[Home, list[Want]] = defaultdict(list)
-        for want in group:
-            of_home[want.home].append(want)
-        for same in of_home.values():
-            if not all(want.agrees(same[0]) for want in same[1:]):
-                yield from _all_of(same, f"has its target in common with {_places(same)}, which need other numbers")
-        first = group[0]
-        computed = first.target.literal is None or first.target.shifted
-        if computed and len({want.number for want in group}) > 1 and len(of_home) > 1:
-            count = first.motion.move.texts_motions
-            yield from _all_of(group, f"its text stands for {count} motions to different places")
-        elif first.target.passed is not None:
-            why = _read_too("what the call gives it", self._other_reading(group, going, replaced))
-            yield from _all_of(group, why) if why else ()
-
-    def _other_reading(
-        self, group: Sequence[Want], going: Iterable[Want], replaced: Callable[[Use], bool]
-    ) -> Use | None:
-        """Reference that reads a parameter beside the motions that go to it."""
-        known = {(want.motion.file, want.target.read_at) for want in going}
-        parameters: dict[Symbol, None] = {}
-        for want in group:
-            if (passed := want.target.passed) is not None:
-                known |= {*passed.reads, (want.motion.file, want.target.read_at)}
-                parameters |= dict.fromkeys(passed.parameters)
-        uses = (use for symbol in parameters for use in self.uses.get(symbol, ()))
-        return next((use for use in uses if (use.file, use.start) not in known and not replaced(use)), None)
-
-    def _of_home(self, group: Sequence[Want], going: Iterable[Want]) -> Iterator[tuple[int, str]]:
-        """Motions whose targets stand in one declaration, which is what has to change where no copy can be named."""
-        fixed = [want for want in group if not want.replaceable and want.changes]
-        origin = fixed[0].target.origin if fixed else None
-        if origin is None:
-            return
-        first, why = fixed[0], ""
-        if not all(want.agrees(first) for want in fixed):
-            why = f"has its target in common with {_places(fixed)}, which need other numbers"
-        elif first.target.literal is None or any(want.target.shifted for want in fixed):
-            why = f"its text stands for {first.motion.move.texts_motions} motions, which need different ones"
-        else:
-            changed = [want for want in group if want.changes and (want.replaceable or want.agrees(first))]
-            other = other_use(self.uses.get(origin.symbol, ()), origin.path, changed, _within(going))
-            why = _read_too(f"its target {origin.name}", other)
-        yield from _all_of(fixed, why) if why else ()
-
-    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with shared text written out; see `Program.written_out`."""
-        shared = {self.sites[i].instruction for i in numbers}
-        routines = {context.routine: context for context in self.everywhere if context.routine is not None}
-        calls: dict[Routine, list[tuple[Instruction, Routine]]] = defaultdict(list)
-        for routine, context in routines.items():
-            for line in routine.lines:
-                if isinstance(line, Instruction):
-                    for other in context.scope.routines.get(line.name.key, ()):
-                        calls[other].append((line, routine))
-        texts = [(line, routine) for routine in routines for line in routine.lines if line in shared]
-        reached = reaching(texts, calls)
-        turns = (
-            (context.file.source, loop)
-            for routine, context in routines.items()
-            for loop in _turns_of(routine, context.file.source, self.turns, reached.__contains__)
+    def is_listable(self, number: int, routine: Procedure) -> bool:
+        """Whether it goes to a robtarget that its own text states or names."""
+        end, via = self.sites[number].end, self.sites[number].via
+        return (
+            end.argument[0] == routine.file.number
+            and via is None
+            and end.type == "robtarget"
+            and not (end.passed or end.root.passed)
         )
-        return written_out(self.sources, turns, _repeated(routines, calls, {r for _, r in texts}), self._fresh_names())
 
-    def _fresh_names(self) -> FreshNames:
-        words = (token.key for source in self.sources for token in tokenize(source.text) if token.kind == "name")
-        return FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
-
-    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with targets of loops in arrays; see `Program.tabled`."""
-        own: dict[Instruction, list[int]] = defaultdict(list)
-        for i, site in enumerate(self.sites):
-            own[site.instruction].append(i)
-        shared, fresh = {self.sites[i].instruction for i in numbers}, self._fresh_names()
-        of_table: dict[Table, Context] = {}
-        for context in self.everywhere:
-            if context.routine is None:
-                continue
-
-            def listable(line: Instruction, file: File = context.file) -> Sequence[int]:
-                same = own[line] if line in shared else ()
-                return same if all(_is_listable(self.sites[i], file) for i in same) else ()
-
-            counter = lambda loop: "" if loop.line.counter is None else loop.line.counter.text  # noqa: E731
-            of_table |= dict.fromkeys(tables(context.routine.nodes, listable, self.begun, counter), context)
-        named: dict[Path, dict[tuple[int, int], str]] = defaultdict(lambda: defaultdict(str))
-        for one in of_whole_paths(tuple(of_table), numbers, self.visits()):
-            routine, source = of_table[one].routine, of_table[one].file.source
-            assert routine is not None
-            ends = [self.sites[i].end for i in one.numbers]
-            name, newline = fresh.nearest(TABLE), source.newline + source.indent(routine.start) + "  "
-            elements = _listed([meant_text(end, (None,) * len(end.meant)) for end in ends], one.size, newline)
-            at, size = _behind_header(routine, source.text), ",".join(map(str, one.size))
-            named[source.path][at, at] += f"{newline}CONST robtarget {name}{{{size}}}:={elements};"
-            named[source.path][ends[0].argument.start, ends[0].argument.end] = f"{name}{{{one.index(' DIV ')}}}"
-        sources = with_texts(self.sources, named, fresh) if named else None
-        return sources if sources and same_motions(self.motions, self.reread(sources).motions) else None
+    def listed(self, routine: Procedure, name: str, table: Table) -> Iterator[tuple[Source, Span, str]]:
+        """A constant array of a routine; see `SharingProgram.listed`."""
+        source, ends = routine.file.source, [self.sites[i].end for i in table.numbers]
+        newline, size = source.newline + source.indent(routine.start) + "  ", ",".join(map(str, table.size))
+        texts = [_aggregate(end.type, end.meant, external_texts(end)) for end in ends]
+        at = _behind_header(routine, source.text)
+        yield source, (0, at, at), f"{newline}CONST robtarget {name}{{{size}}}:={_listed(texts, table.size, newline)};"
+        yield source, ends[0].argument, f"{name}{{{table.index(self.DIVIDED)}}}"
 
     def wrap(
         self,
@@ -707,78 +342,80 @@ class RapidProgram(Program):
         keep_joints: bool = False,
     ) -> Wrapping:
         """Put a function of robtarget, tooldata and wobjdata around targets; see `Program.wrap`."""
-        if added is not None and any(function.lower() in context.scope.routines for context in self.everywhere):
+        if added is not None and any(routine.name.lower() == function.lower() for routine in self.form.procedures):
             raise InputError(f"{self.sources[0].path}: has a function {function} already")
-        staying = {site.instruction for i, site in enumerate(self.sites) if i not in rejected}
-        motions = self.unresolved | {site.instruction for site in self.sites}.difference(staying)
+        staying = {site.line for i, site in enumerate(self.sites) if i not in rejected}
+        motions = self.unresolved | {site.line for site in self.sites}.difference(staying)
 
         def cleared(again: RapidProgram) -> tuple[RapidProgram, set[Place]]:
             having = {
-                context.file.source.place(line.start)
-                for context in again.everywhere
-                for line in context.lines
-                if isinstance(line, Instruction) and calls_function(line, function)
+                routine.file.source.place(line.at[1])
+                for routine in again.form.procedures
+                for line in routine.lines
+                if isinstance(line, Move | Do) and calls_function(line, function)
             }
             left = (one for one in again.unresolved if not calls_function(one, function))
             return replace(again, unresolved=frozenset(left)), having
 
-        return wrapping(self, wrap(self.everywhere, motions, function, without, self.shift), added, cleared)
+        return wrapping(self, wrap(self.form, motions, function, without, self.shift, self.frames), added, cleared)
 
     def visits(self) -> Iterator[Visit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.
 
         A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
         """
-        numbers: dict[Instruction, list[int]] = defaultdict(list)
+        numbers: dict[Line, list[int]] = defaultdict(list)
         for i, site in enumerate(self.sites):
-            numbers[site.instruction].append(i)
+            numbers[site.line].append(i)
         read: dict[int, list[tuple[int, Datum]]] = defaultdict(list)
         for symbol, use in ((symbol, use) for symbol, own in self.uses.items() for use in own):
-            if use.type in ("robtarget", "jointtarget"):
+            if use.type in TARGETS and use.through is None:
                 read[id(use.file)].append((use.start, (symbol, use.path)))
         for own in read.values():
             own.sort(key=lambda one: one[0])
-        for context in self.everywhere:
-            if context.routine is not None:
-                yield from _visits(context.routine, self._stops(context, numbers, read[id(context.file)]))
+        for routine in self.form.procedures:
+            yield from _visits(routine, self._stops(routine, numbers, read[id(routine.file)]))
 
     def _stops(
-        self, context: Context, numbers: Mapping[Instruction, Sequence[int]], read: Sequence[tuple[int, Datum]]
+        self, routine: Procedure, numbers: Mapping[Line, Sequence[int]], read: Sequence[tuple[int, Datum]]
     ) -> "Iterator[_Stop]":
         """Motions of a routine in the order of the text, given the targets that its file reads, in order, too."""
-        starts, source = [start for start, _ in read], context.file.source
+        starts, source = [start for start, _ in read], routine.file.source
+        naming = {use.through for own in self.uses.values() for use in own}
         made_of: dict[Symbol, frozenset[Datum]] = {}
         times: Counter[Symbol] = Counter()
 
-        def named(nodes: Iterable[Node]) -> frozenset[Datum]:
-            spans = (slice(bisect_left(starts, node.start), bisect_left(starts, node.end)) for node in nodes)
+        def named(places: Iterable[Span]) -> frozenset[Datum]:
+            spans = (slice(bisect_left(starts, start), bisect_left(starts, end)) for _, start, end in places)
             return frozenset(datum for span in spans for _, datum in read[span])
 
-        for line in context.lines:
-            if isinstance(line, Assignment) and not line.target.selectors:
-                own = named([line.value])
-                for symbol, _ in named([line.target]):
+        for line in routine.lines:
+            if isinstance(line, Assign) and not line.target.path:
+                own = named([line.value.at])
+                for symbol, _ in named([line.target.at]):
                     times[symbol] += symbol not in {one for one, _ in own}
                     made_of[symbol] = own.union(*(made_of.get(one, ()) for one, _ in own))
-            if not isinstance(line, Instruction):
+            if not isinstance(line, MotionLine):
                 continue
             for i in (*((None,) if line in self.unresolved else ()), *numbers.get(line, ())):
                 site = None if i is None else self.sites[i]
-                data = named(line.arguments if site is None else filter(None, target_arguments(line)))
+                data = named([line.at] if site is None else (point.at for point in line.points))
                 if site is not None and not data:
                     continue  # numbers alone are shared with no other motion
                 data = data.union(*(made_of.get(symbol, ()) for symbol, _ in data))
-                given, frames = None, [a for a in line.arguments if a.option == "wobj"]
-                frames += [a for a in line.arguments if not a.option] if site is None else [site.layout.tool]
+                given, frames = None, [one for name, one in line.settings.items() if name in FRAMES or not line.points]
                 if site is not None:
-                    origin, passed = site.end.root.origin, site.end.root.passed
+                    passed = site.end.root.passed
                     given = None if passed is None else passed.argument
-                    if origin is not None:  # the index of an element is known, which the text may not state
-                        data = {(s, origin.path if path is None and s is origin.symbol else path) for s, path in data}
+                    origins = [one.root.origin for one in _targets(site) if one.root.origin is not None]
+                    for origin in origins[:1]:  # the index of an element is known, which the text may not state
+                        data = {(s, origin.place if path is None and s is origin.symbol else path) for s, path in data}
+                    if any(s in naming for s, _ in data):
+                        data = {one for one in data if one[0] not in naming}.union((o.symbol, o.place) for o in origins)
                 yield _Stop(
-                    number=i, given=given, place=source.place(line.start),
+                    number=i, given=given, place=source.place(line.at[1]),
                     data=frozenset((symbol, path, times[symbol]) for symbol, path in data),
-                    frames=frozenset(source.text[a.start : a.end].lower() for a in frames),
+                    frames=frozenset(source.text[one.at[1] : one.at[2]].lower() for one in frames),
                 )  # fmt: skip
 
 
@@ -791,7 +428,7 @@ class _Stop(NamedTuple):
     """Each with how often it was set as a whole before: what it held then is no target of this one."""
     frames: frozenset[str]
     """Its tool and work object as they are written; of one that is not read all that it is given."""
-    given: Argument | None
+    given: tuple[int, int, int] | None
     """What a parameter that it goes to was given; None where it goes to none, or that is not known."""
     place: Place
 
@@ -813,77 +450,23 @@ def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
 # Loops written turn by turn, and routines for each of their calls.
 
 
-def _turns_of(
-    routine: Routine,
-    source: Source,
-    turns: Mapping[Loop, tuple[float, ...] | None],
-    is_shared: Callable[[Line], bool],
-) -> Iterator[Turns]:
-    """Loops of a routine around some lines that can be written turn by turn."""
-    text = source.text
+def _counter(line: Check) -> str:
+    """Name of the counter of a loop; empty where it has none."""
+    return "" if line.counter is None else line.counter.name.strip("'")
 
-    def named(loop: Loop) -> list[tuple[int, int]]:
-        """Places at which a loop names its counter."""
-        line: Control = loop.line
-        if line.counter is None:
-            return []
-        own = [token for token in words_from(text, line.start) if token.start < line.end]
-        return [
-            (token.start, token.start + len(token.text))
-            for before, token in pairwise(own)
-            if token.kind == "name" and token.key == line.counter.key and before.key not in (".", "\\")
-        ]
 
-    for loop, taken in loops_to_write(
-        routine.nodes, turns, is_shared, lambda loop: loop.kind == "while" or len(named(loop)) > 1
-    ):
-        line: Control = loop.line
-        own = [token for token in words_from(text, line.conditions[-1].end) if token.start < line.end]
-        closing = own[-1]
-        odd = any(isinstance(one, Label | Unparsed) for one in lines_in(loop.body))
-        hidden = any(
-            isinstance(one, Control) and one.counter is not None and line.counter is not None
-            and one.counter.key == line.counter.key for one in lines_in(loop.body)
-        )  # fmt: skip
-        declares = any(line.start < one.start < line.end for one in routine.declarations)
-        asks = any(isinstance(part, Call) for one in line.conditions for part in parts(one))  # which may do more
-        if odd or hidden or declares or asks or closing.key not in ("endfor", "endwhile"):
-            continue
-        begins, ends = own[0].start + len(own[0].text), closing.start
-        ends = begins + len(text[begins:ends].rstrip())
-        rest, newline = text[begins : text.find("\n", begins)].strip(), source.newline + source.indent(line.start)
-        apart = "" if not rest or rest.startswith("!") else newline
-        counts = [real(count, COUNT_DECIMALS) for count in taken]
-        what = "turn" if line.counter is None else line.counter.text
-        heads = [
-            f"! {what} {k + 1} of {len(counts)}" if line.counter is None else f"! {what} = {own}"
-            for k, own in enumerate(counts)
-        ]
-        behind = text[line.end : text.find("\n", line.end)].strip()
-        yield Turns(
-            start=line.start,
-            end=line.end,
-            body=(begins, ends),
-            before=tuple(f"{newline if k else ''}{head}{apart}" for k, head in enumerate(heads)),
-            after=newline if behind and not behind.startswith("!") else "",
-            named=tuple(
-                {at: f"({count})" if count.startswith("-") else count for at in named(loop) if at[0] > begins}
-                for count in counts
-            ),
-        )
+def _counter_names(routine: Procedure, loop: Loop) -> list[tuple[int, int]]:
+    """Places at which a loop names its counter."""
+    counter, (_, start, end) = _counter(loop.line).lower(), loop.line.at
+    return [
+        (token.start, token.end)
+        for before, token in pairwise(words(routine.file.source.text, start, end) if counter else ())
+        if token.kind == "name" and token.text.lower() == counter and before.text not in (".", "\\")
+    ]
 
 
 COUNT_DECIMALS = 9
 """Of a counter."""
-
-TABLE = "TaskcalTargets"
-"""Name of an array of targets, an element for each turn of a loop."""
-
-
-def _is_listable(site: Site, file: File) -> bool:
-    """Whether an array in a routine of a file may hold the target of a motion."""
-    end, here = site.end, site.end.argument_file is file
-    return here and site.via is None and end.type == "robtarget" and not (end.passed or end.root.passed)
 
 
 def _listed(elements: Sequence[str], sizes: Sequence[int], newline: str) -> str:
@@ -895,9 +478,9 @@ def _listed(elements: Sequence[str], sizes: Sequence[int], newline: str) -> str:
     return "[" + ",".join(rows) + "]"
 
 
-def _behind_header(routine: Routine, text: str) -> int:
+def _behind_header(routine: Procedure, text: str) -> int:
     """Place in front of what a routine declares: the end of its header's line, or of its header where more stands there."""
-    at = routine.name.end
+    _, at = routine.named
     if text[at : routine.end].lstrip().startswith("("):
         at = text.index(")", at) + 1
     line_end = text.find("\n", at)
@@ -905,37 +488,22 @@ def _behind_header(routine: Routine, text: str) -> int:
     return at if rest and not rest.startswith("!") else at + len(text[at:line_end].rstrip("\r"))
 
 
-def _repeated(
-    routines: Mapping[Routine, Context],
-    calls: Mapping[Routine, Sequence[tuple[Instruction, Routine]]],
-    shared: Container[Routine],
-) -> Iterator[Repeated]:
-    """Procedures with shared lines, of which each call but the first gets a copy."""
-    for routine, context in routines.items():
-        own = calls.get(routine, ())
-        alone = len(context.scope.routines[routine.name.key]) == 1
-        if routine in shared and routine.kind == "proc" and alone and all(by is not routine for _, by in own):
-            source = context.file.source
-            yield Repeated(
-                source=source, at=routine.end, before=source.newline * 2 + source.indent(routine.start),
-                span=(routine.start, routine.end), name=(routine.name.start, routine.name.end),
-                calls=tuple((routines[by].file.source, (line.name.start, line.name.end)) for line, by in own[1:]),
-            )  # fmt: skip
-
-
 # The motions of texts that differ in numbers alone, as those do that were corrected without a further target.
 
 
 def _renumbered(
-    sites: Sequence[Site], uses: Mapping[Symbol, tuple[Use, ...]], before: Sequence[Source], after: Sequence[Source]
+    sites: Sequence[Site],
+    uses: Mapping[Symbol, tuple[Reference, ...]],
+    before: Sequence[Source],
+    after: Sequence[Source],
 ) -> tuple[Motion, ...] | None:
     """Motions of texts in which targets have other numbers; None where anything else differs, or may depend on these numbers."""
     if [source.path for source in before] != [source.path for source in after]:
         return None
-    written: dict[str, list[Aggregate]] = defaultdict(list)
+    written: dict[str, list[Written]] = defaultdict(list)
     for literal, file in _read_by_motions_alone(sites, uses).items():
         written[str(file.source.path)].append(literal)
-    changed: dict[Aggregate, Aggregate] = {}
+    changed: dict[Written, Written] = {}
     for old, new in zip(before, after, strict=True):
         pairs = _new_numbers(old.text, new.text, sorted(written[str(old.path)], key=lambda literal: literal.start))
         if pairs is None:
@@ -971,27 +539,27 @@ def _with_targets(
     return replace(site.move, end=end, via=via, external=axes_of(again.get(site.end, site.end).external))
 
 
-def _read_by_motions_alone(sites: Sequence[Site], uses: Mapping[Symbol, tuple[Use, ...]]) -> dict[Aggregate, File]:
+def _read_by_motions_alone(sites: Sequence[Site], uses: Mapping[Symbol, tuple[Reference, ...]]) -> dict[Written, File]:
     """Lists of numbers that say where motions lead, and nothing else."""
-    found: dict[Aggregate, File] = {}
+    found: dict[Written, File] = {}
     declared: dict[Symbol, list[TargetArgument]] = defaultdict(list)
     for target in (target for site in sites for target in _targets(site)):
         if target.literal is None or not target.literal.is_literal or target.shifted or target.passed is not None:
             continue
         if target.origin is None:
             found[target.literal] = target.file
-        elif not target.origin.path:
+        elif not target.origin.place:
             declared[target.origin.symbol].append(target)
     for symbol, own in declared.items():
-        named = {(target.argument_file, target.argument.start) for target in own}
-        if all((use.file, use.start) in named for use in uses[symbol]):
+        named = {target.argument[:2] for target in own}
+        if all((use.file.number, use.start) in named for use in uses[symbol]):
             found |= {target.literal: target.file for target in own if target.literal is not None}
     return found
 
 
-def _new_numbers(before: str, after: str, literals: Iterable[Aggregate]) -> dict[Aggregate, Aggregate] | None:
+def _new_numbers(before: str, after: str, literals: Iterable[Written]) -> dict[Written, Written] | None:
     """Those of some lists in a text that have other numbers in another text; None where more differs than these."""
-    changed: dict[Aggregate, Aggregate] = {}
+    changed: dict[Written, Written] = {}
     old = new = 0
     for literal in literals:
         start = new + literal.start - old
@@ -999,7 +567,7 @@ def _new_numbers(before: str, after: str, literals: Iterable[Aggregate]) -> dict
         if not end or before[old : literal.start] != after[new:start]:
             return None
         if before[literal.start : literal.end] != after[start:end]:
-            changed[literal] = Aggregate(start=start, end=end, content=after)
+            changed[literal] = Written(text=after, start=start, end=end)
             if before.count("\n", literal.start, literal.end) != after.count("\n", start, end):
                 return None
         old, new = literal.end, end
@@ -1010,37 +578,17 @@ def _type(kind: MotionKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
-def _ends(motion: Site, waypoint: Waypoint, robot: Robot, edits: _Edits) -> Ends:
-    """Edit the instruction's name and arguments as the kind of its last waypoint needs; the numbers are left to do."""
-    kind, ends = waypoint.kind, dict[TargetArgument, Waypoint]()
-    if kind == motion.move.kind:
-        own = [] if motion.via is None else [(motion.via, _via(waypoint))]
-        return dict([*own, (motion.end, waypoint)])
-    where, source, name = motion.layout, motion.file.source, motion.instruction.name
-    edits.add(source, name.start, name.end, _name(motion, kind))
-    if where.via is not None:
-        edits.add(source, where.via.start, where.to.start, "")
-    elif kind == "circular":
-        via = fresh_text("robtarget", _via(waypoint), robot, motion.end)
-        edits.add(source, where.to.start, where.to.start, f"{via},")
-    if _type(kind) == motion.end.type:
-        ends[motion.end] = waypoint
-    else:
-        edits.add(source, where.to.start, where.behind_to, fresh_text(_type(kind), waypoint, robot, motion.end))
-    return ends
-
-
 def _name(motion: Site, kind: MotionKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
     Raises:
         InputError: there is none.
     """
-    if NAMES[kind].lower() in motion.redefined:
+    if NAMES[kind].lower() in motion.line.scope.routines:
         raise InputError(f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own")
-    if motion.instruction.name.key in ("movej", "movel", "movec", "moveabsj"):
+    if motion.line.key in ("movej", "movel", "movec", "moveabsj"):
         return NAMES[kind]
-    raise InputError(f"{motion.move.place}: {motion.instruction.name.text} is not written as another kind of motion")
+    raise InputError(f"{motion.move.place}: {motion.line.name} is not written as another kind of motion")
 
 
 def _via(waypoint: Waypoint) -> Waypoint:
@@ -1048,151 +596,243 @@ def _via(waypoint: Waypoint) -> Waypoint:
     return waypoint.via
 
 
-def _insert(motion: Site, path: Iterable[Waypoint], robot: Robot, edits: _Edits) -> None:
-    r"""Write motions in front of an instruction, with its own arguments.
-
-    They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
-    allows only few of them in a row.
-    """
-    where, source, instruction = motion.layout, motion.file.source, motion.instruction
-    text, newline = source.text, source.newline
-    indent = source.indent(instruction.start)
-    options = text[where.to.end : where.behind_to]
-    if motion.move.stops and where.zone is not None:
-        rest = f"{text[where.behind_to : where.zone.start]}{FLY_BY}{text[where.behind_zone : instruction.end]}"
-    else:
-        rest = text[where.behind_to : instruction.end]
-    before: list[str] = []
-    for waypoint in path:
-        kind = waypoint.kind
-        name = instruction.name.text if kind == motion.move.kind else _name(motion, kind)
-        target = fresh_text(_type(kind), waypoint, robot, motion.end)
-        if kind == "circular":
-            target = f"{fresh_text('robtarget', _via(waypoint), robot, motion.end)},{target}"
-        before.append(f"{name} {target}{options if kind == 'axes' else ''}{rest}{newline}{indent}")
-    if instruction.compact:
-        inner = f"{newline}{indent}  "
-        edits.add(
-            source,
-            instruction.start,
-            instruction.start,
-            "THEN" + inner + inner.join(b.rstrip() for b in before) + inner,
-        )
-        edits.add(source, instruction.end, instruction.end, f"{newline}{indent}ENDIF")
-    else:
-        edits.add(source, instruction.start, instruction.start, "".join(before))
+def _same(T: Pose) -> Pose:
+    return T
 
 
-def _carriers(wants: Sequence[Want], ends: Ends, robot: Robot) -> Iterator[Want]:
-    """New numbers of targets that motions shift, and to which none goes itself."""
-    direct = {want.home for want in wants if not want.is_carried and not want.target.shifted}
-    seen: set[Home] = set()
-    for want in wants:
-        base = want.carrier if want.is_carried else None
-        if base is None or not _is_free(base) or home_of(base) in direct | seen or not want.changes:
-            continue
-        seen.add(home_of(base))
-        texts = new_texts({base: replace(ends[want.target], T=want.target.uncarried(want.T))}, robot)[base]
-        yield replace(want, target=base, texts=(*texts[:POSE_NUMBERS], *[None] * (len(texts) - POSE_NUMBERS)))
+def _use(
+    number: int, site: Site, target: TargetArgument, operand: Span, wanted: Numbers, T: tuple[Pose, Pose] | None
+) -> Use[Numbers]:
+    """A target of a motion, with the text that leads to it."""
+    alone, base = site.move.texts_motions == 1, target.base
+    follows = base is not None and not base.shifted and not alone
+    place = base if base is not None and follows else target
+    passed, posed = place.passed is not None, follows or (T is not None and not target.shifted)
+    own = Use(
+        motion=number, text=place.argument, slot=None if target.shifted and not follows else _slot(place), numbers=target.meant,
+        wanted=wanted, point=target, T=T, follows=follows, given=passed,
+        poses=(target.uncarried, target.carried) if follows else (_same, _same) if posed else None,
+    )  # fmt: skip
+    if not passed or not alone:
+        return own
+    stated = replace(target, argument=operand, file=site.file, origin=None, literal=None, passed=None)
+    return replace(own, instead=replace(own, text=operand, slot=None, point=stated, given=False))
 
 
-POSE_NUMBERS = 7
-"""Of a target: position and quaternion; then its configuration, which stays that of the shifted target."""
+def _slot(target: TargetArgument) -> Origin | None:
+    """Place of the numbers of a target, empty where they are computed; None where no data are declared so."""
+    origin, literal = target.origin, target.literal
+    if literal is not None:
+        at = (target.file.number, literal.start, literal.end)
+        return Origin(at=at, owner=origin and origin.symbol, path=() if origin is None else origin.path)
+    if origin is None or origin.symbol.declaration is None:
+        return None
+    start = origin.symbol.declaration.start
+    return Origin(at=(target.file.number, start, start), owner=origin.symbol, path=origin.path)
 
 
-def _write_targets(
-    wants: Sequence[Want], sources: Sequence[Source], uses: Mapping[Symbol, tuple[Use, ...]], edits: _Edits
-) -> None:
-    """Put the numbers where they belong: into the argument, into the declaration, or into clones of the declaration."""
-    declared: dict[tuple[Symbol, tuple[int, ...]], list[Want]] = {}
-    once: dict[tuple[object, ...], Want] = {}  # several motions may have one target from one argument
-    followed = _within(want for want in wants if want.is_carried)  # their text stays: they go with what they shift
-    for want in wants:
-        if not want.is_carried:
-            once.setdefault((want.target.argument, want.home), want)
-    for want in once.values():
-        if want.target.origin is not None:
-            declared.setdefault((want.target.origin.symbol, want.target.origin.path), []).append(want)
-        elif want.changes:
-            if want.target.literal is not None and not want.target.shifted:
-                _edit_numbers(want, edits)
-            else:
-                _replace_argument(want, meant_text(want.target, want.texts), edits)
-    words = (token.key for source in sources for token in tokenize(source.text) if token.kind == "name")
-    fresh = FreshNames(words, longest=MAX_NAME_LENGTH, usual=S4_NAME_LENGTH, reserved=RESERVED | set(DATA))
-    for (symbol, path), group in declared.items():
-        _write_declared(group, other_use(uses.get(symbol, ()), path, group, followed) is not None, fresh, edits)
+@dataclass(eq=False, kw_only=True)
+class RapidSpelling(Spelling[Numbers]):
+    """What is written into modules; what is known of a point is its `TargetArgument`."""
+
+    program: RapidProgram
+    robot: Robot
+    changed: list[tuple[TargetArgument, Numbers]] = field(default_factory=list[tuple[TargetArgument, Numbers]])
+    """Targets that get other numbers in their place."""
+    clones: dict[tuple[Symbol, str], str] = field(default_factory=dict[tuple[Symbol, str], str])
+    """Names of new data, by those beside which they are declared and their value."""
+
+    @cached_property
+    def _fresh(self) -> FreshNames:
+        return self.program.fresh_names()
+
+    def alike(self, one: Numbers, other: Numbers) -> bool:
+        """Whether numbers differ by less than is written."""
+        tolerances = TOLERANCES["jointtarget" if len(one) == JOINTS else "robtarget"]
+        return one is other or all(abs(a - b) <= most for a, b, most in zip(one, other, tolerances, strict=True))
+
+    @cached_property
+    def _replaced(self) -> Callable[[Reference], bool]:
+        """Whether references stand in texts that numbers take the place of, which read them no longer."""
+        motions = self.program.motions
+        alone = (use for use in self.uses if use.slot is None and motions[use.motion].texts_motions == 1)
+        return _within(use.text for use in alone if use.wanted != use.numbers)
+
+    @cached_property
+    def _read(self) -> Mapping[Span, Place]:
+        """Of arguments of calls, where something else reads what they give than the motions that go there."""
+        known, parameters = defaultdict[Span, set[tuple[int, int]]](set), defaultdict[Span, dict[Symbol, None]](dict)
+        for use in self.uses:
+            passed = (use.point.base if use.follows else use.point).passed
+            if passed is not None:
+                known[use.text] |= {*passed.reads, (self.program.sites[use.motion].file.number, use.point.read_at)}
+                parameters[use.text] |= dict.fromkeys(passed.parameters)
+        found = dict[Span, Place]()
+        for text, symbols in parameters.items():
+            for one in (one for symbol in symbols for one in self.program.uses.get(symbol, ())):
+                if (one.file.number, one.start) not in known[text] and not self._replaced(one):
+                    found.setdefault(text, one.file.source.place(one.start))
+        return found
+
+    def reader(self, slot: Origin, texts: Collection[Span]) -> str:
+        """Another reference to declared numbers, or to a parameter that holds them; what computes them."""
+        found = next((self._read[text] for text in texts if text in self._read), None)
+        if found is not None or slot.at[1] == slot.at[2]:
+            return str(found or "what computes them")
+        stands, path = _within(texts), cast("tuple[int, ...]", slot.path)
+        for one in self.program.uses.get(cast("Symbol", slot.owner), ()):
+            if one.overlaps(path) and not stands(one) and not self._replaced(one):
+                return str(one.file.source.place(one.start))
+        return ""
+
+    def obstacle(self, use: Use[Numbers]) -> str:
+        """That the call cannot give it another target."""
+        if not use.given:
+            return ""
+        if use.text in self._read:
+            return f"what the call gives it is read for something else in {self._read[use.text]}, too"
+        return "" if use.point.whole else "is given its target by a call as a part of other data"
+
+    def in_place(self, use: Use[Numbers]) -> None:
+        """Change the numbers that differ."""
+        target, wanted = use.point, use.wanted
+        if use.follows:  # the configuration stays that of the one that it shifts
+            assert use.poses is not None
+            assert use.T is not None
+            target = target.base
+            pose = _pose_rows(use.poses[0](use.T[1])[None], np.array([target.meant]))
+            wanted = (*pose[0].tolist(), *target.meant[7:])
+        self.changed.append((target, wanted))
+
+    def own(self, use: Use[Numbers]) -> str:
+        """The name of data that are declared for it beside its own, or an aggregate."""
+        target: TargetArgument = use.point
+        if target.literal is None or target.shifted:
+            value = _aggregate(target.type, use.wanted, external_texts(target))
+        else:
+            value = _changed_text(target, use.wanted, *written(target.type, [use.wanted]))
+        if target.origin is None:
+            return value
+        key = target.origin.symbol, value
+        if key not in self.clones:
+            self.clones[key] = self._clone(*key, target.type)
+        return self.clones[key]
+
+    def _clone(self, symbol: Symbol, value: str, type_: TargetType) -> str:
+        """Declare a clone of a target behind it, and say its name."""
+        assert symbol.declaration is not None
+        assert symbol.file is not None
+        declaration, source, name = symbol.declaration, symbol.file.source, self._fresh.like(symbol.name)
+        text, assigns = source.text, ":="
+        storage = text[declaration.start : declaration.type.start]
+        type_text = declaration.type.text if key_of(declaration.type) == type_ else type_
+        if declaration.value_at and not declaration.dimensions:
+            assigns = text[declaration.name.end : declaration.value_at]
+        at, before = _behind(declaration, source)
+        self._edit(symbol.file.number, at, at, f"{before}{storage}{type_text} {name}{assigns}{value};")
+        return name
+
+    def _edit(self, file: int, start: int, end: int, text: str) -> None:
+        self.edits[file].append(TextEdit(start=start, end=end, text=text))
+
+    def insert(self, number: int, path: Sequence[Waypoint]) -> None:
+        r"""Write motions in front of an instruction, with its own arguments, and give it another name where it needs that.
+
+        They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
+        allows only few of them in a row.
+        """
+        site, (*before, last) = self.program.sites[number], path
+        if last.kind != site.move.kind:
+            self._reword(site, last)
+        if not before:
+            return
+        where, source, (file, start, end) = site.layout, site.file.source, site.line.at
+        text, newline, indent = source.text, source.newline, source.indent(start)
+        options = text[where.to.end : where.behind_to]
+        rest = text[where.behind_to : end]
+        if site.move.stops and where.zone is not None:
+            rest = f"{text[where.behind_to : where.zone.start]}{FLY_BY}{text[where.behind_zone : end]}"
+        lines: list[str] = []
+        for waypoint in before:
+            kind = waypoint.kind
+            name = site.line.name if kind == site.move.kind else _name(site, kind)
+            target = self._target(site, waypoint)
+            if kind == "circular":
+                target = f"{self._target(site, _via(waypoint))},{target}"
+            lines.append(f"{name} {target}{options if kind == 'axes' else ''}{rest}{newline}{indent}")
+        if site.line.compact:
+            inner = f"{newline}{indent}  "
+            self._edit(file, start, start, "THEN" + inner + inner.join(line.rstrip() for line in lines) + inner)
+            self._edit(file, end, end, f"{newline}{indent}ENDIF")
+        else:
+            self._edit(file, start, start, "".join(lines))
+
+    def _reword(self, site: Site, waypoint: Waypoint) -> None:
+        """Edit an instruction's name and arguments as another kind needs them; numbers of the same type are left to do."""
+        where, kind, (file, start, _) = site.layout, waypoint.kind, site.line.at
+        self._edit(file, start, start + len(site.line.name), _name(site, kind))
+        if where.via is not None:
+            self._edit(file, where.via.start, where.to.start, "")
+        elif kind == "circular":
+            self._edit(file, where.to.start, where.to.start, f"{self._target(site, _via(waypoint))},")
+        if _type(kind) != site.end.type:
+            self._edit(file, where.to.start, where.behind_to, self._target(site, waypoint))
+
+    def _target(self, site: Site, waypoint: Waypoint) -> str:
+        """An aggregate for a waypoint, with the external axes of a motion."""
+        like, type_ = site.end, _type(waypoint.kind)
+        if type_ == like.type:
+            numbers = new_numbers({like: waypoint}, self.robot)[like]
+        elif type_ == "jointtarget":
+            numbers = tuple(np.degrees(waypoint.q).tolist())
+        else:
+            numbers = (
+                *pose_numbers(_pose(waypoint)),
+                *Configuration.confdata(self.robot, waypoint.q[None], None)[0].tolist(),
+            )
+        return _aggregate(type_, numbers, external_texts(like, waypoint.external))
+
+    def result(self) -> tuple[Source, ...]:
+        """The files with all that was written."""
+        for type_ in TOLERANCES:
+            own = [one for one in self.changed if one[0].type == type_]
+            for (target, wanted), texts in zip(own, written(type_, [numbers for _, numbers in own]), strict=True):
+                literal = target.literal
+                assert literal is not None
+                text = _changed_text(target, wanted, texts)
+                self._edit(target.file.number, literal.start, literal.end, text)
+        edited = {source.path: source for source in super().result()}
+        return tuple(edited.get(source.path, source) for source in self.program.sources)
 
 
-def _replace_argument(want: Want, text: str, edits: _Edits) -> None:
-    edits.add(want.target.argument_file.source, want.target.argument.start, want.target.argument.end, text)
+def _within(spans: Iterable[Span]) -> Callable[[Reference], bool]:
+    """Whether references stand in some texts, none of which stands in another."""
+    by_file = defaultdict[int, list[tuple[int, int]]](list)
+    for file, *span in set(spans):
+        by_file[file].append((span[0], span[1]))
+    for own in by_file.values():
+        own.sort()
+
+    def stands(one: Reference) -> bool:
+        own = by_file.get(one.file.number, ())
+        last = bisect_right(own, one.start, key=lambda span: span[0]) - 1
+        return last >= 0 and one.start < own[last][1]
+
+    return stands
 
 
-def _edit_numbers(want: Want, edits: _Edits) -> None:
-    if want.target.literal is None:
-        return
-    edits.add(want.target.file.source, want.target.literal.start, want.target.literal.end, _clone_text(want))
-
-
-def _write_declared(group: Sequence[Want], others: bool, fresh: FreshNames, edits: _Edits) -> None:
-    """Write the numbers of a declared target.
-
-    The declaration takes those of most motions where nothing else reads it. Other motions, and those that shift it by Offs or
-    RelTool, get clones.
-    """
-    kept: Texts | None = None
-    direct = [want for want in group if not want.target.shifted and want.target.literal is not None]
-    if direct and not others:
-        fixed = [want for want in direct if not want.replaceable and want.changes]
-        kept = Counter(want.texts for want in fixed or direct).most_common(1)[0][0]
-        _edit_numbers(next(want for want in direct if want.texts == kept), edits)
-    clones: dict[str, str] = {}
-    for want in group:
-        if not want.changes or (want in direct and want.texts == kept):
-            continue
-        value = _clone_text(want)
-        if value not in clones:
-            clones[value] = _clone(want, value, fresh, edits)
-        _replace_argument(want, clones[value], edits)
-
-
-def _clone_text(want: Want) -> str:
-    """The value of a clone, in the style of the declaration where that writes its numbers out."""
-    target = want.target
-    if target.literal is None or target.shifted:
-        return meant_text(target, want.texts)
-    start, text = target.literal.start, target.file.source.text
-    if target.literal.is_literal:
-        pieces = text[start : target.literal.end].split(",")
-        own = [
-            piece if new is None else LISTED.sub(new, piece, 1) for piece, new in zip(pieces, want.texts, strict=False)
-        ]
-        return ",".join([*own, *pieces[len(own) :]])
-    parts: list[str] = []
-    for new, (first, end, _) in zip(want.texts, leaves(target.literal), strict=False):
-        if new is not None:
-            parts += [text[start:first], new]
-            start = end
-    return "".join([*parts, text[start : target.literal.end]])
-
-
-def _clone(want: Want, value: str, fresh: FreshNames, edits: _Edits) -> str:
-    """Declare a clone of a target behind it, and say its name."""
-    origin = want.target.origin
-    assert origin is not None
-    assert origin.symbol.declaration is not None
-    assert origin.symbol.file is not None
-    declaration, source = origin.symbol.declaration, origin.symbol.file.source
-    name = fresh.like(origin.symbol.name)
-    text = source.text
-    storage = text[declaration.start : declaration.type.start]
-    type_ = declaration.type.text if declaration.type.key == want.target.type else want.target.type
-    assigns = ":="
-    if declaration.value is not None and not declaration.dimensions:
-        assigns = text[declaration.name.end : declaration.value.start]
-    at, before = _behind(declaration, source)
-    edits.add(source, at, at, f"{before}{storage}{type_} {name}{assigns}{value};")
-    return name
+def _changed_text(target: TargetArgument, wanted: Numbers, texts: Texts) -> str:
+    """A value with new numbers, in the style in which it writes them out; those that it says already keep their text."""
+    literal, text = target.literal, target.file.source.text
+    assert literal is not None
+    leaves, parts, at = literal.leaves(), list[str](), literal.start
+    for new, value, own, (first, end, raw), most in zip(
+        texts, wanted, target.meant, leaves, TOLERANCES[target.type], strict=False
+    ):
+        if value != own and abs(float(new) - raw) > most:
+            parts += [text[at:first], new]
+            at = end
+    return "".join([*parts, text[at : literal.end]])
 
 
 def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
@@ -1293,10 +933,11 @@ def _point(
 ) -> str:
     type_: TargetType
     if target.q is not None:
-        type_, letter, numbers = "jointtarget", "j", _axes_written(np.degrees(target.q))
+        type_, letter, numbers = "jointtarget", "j", tuple(np.degrees(target.q).tolist())
     elif target.T is not None:
         type_, letter = "robtarget", "p"
-        numbers = _pose_written(pose_numbers(target.T), _configuration(target, q, number, robot))
+        cf = _configuration(target, q, number, robot)
+        numbers = (*pose_numbers(target.T), cf.cf1, cf.cf4, cf.cf6, cf.cfx)
     else:
         raise InputError(f"motion {number} is given neither a pose nor joint positions")
     value = _aggregate(type_, numbers, NO_AXES)

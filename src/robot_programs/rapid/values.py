@@ -1,39 +1,25 @@
 """Values of data that the text gives: constants, variables that nothing assigns to, and what the flow of the program tells."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import flow, se3
+from robot_programs.core.form import Span
 from robot_programs.core.program import Frame, Unresolved, rotation
-from robot_programs.core.values import FUNCTIONS, Lost, Operators, applied, operated, whole
-from robot_programs.rapid.names import File, Scope, Symbol, Value
-from robot_programs.rapid.syntax import (
-    Aggregate,
-    Argument,
-    Call,
-    Component,
-    Constant,
-    Expression,
-    Index,
-    Number,
-    Operation,
-    Reference,
-)
-from robot_programs.rapid.syntax import parts as parts_of
+from robot_programs.core.values import FUNCTIONS, Operators, Origin, Settable, Structure, applied, whole
+from robot_programs.rapid.names import Symbol, Value
+from robot_programs.rapid.syntax import Written
+from taskcal_groundwork import se3
 
 # Operators of RAPID, and shifts of targets.
 #
 # Source: Technical reference manual, RAPID overview (expressions), and RAPID instructions, functions and data types
 # (Offs, RelTool).
-
-Types = Mapping[str, tuple[tuple[str, str], ...]]
-"""Components of records, each with its type."""
 
 MAX_SHIFT_MM = 1e6
 """No shift is farther."""
@@ -55,28 +41,6 @@ OPERATORS: Operators = {
     ("div", 2): _whole_quotient, ("mod", 2): lambda a, b: a - _whole_quotient(a, b) * b,
 }  # fmt: skip
 """Those of RAPID alone."""
-
-
-def replaced(value: Value, path: Sequence[tuple[int, str]], by: Value, types: Types) -> Value:
-    """A record or an array with another component or element.
-
-    Args:
-        value: it.
-        path: which one, step by step, with the type of the record that has it; empty where it is that of an array.
-        by: what it becomes.
-        types: components of records.
-
-    Raises:
-        Unresolved: there is no such component, or it is not known how many elements there are.
-    """
-    if not path:
-        return by
-    (at, record), *inner = path
-    if isinstance(value, Lost):
-        value = (value,) * len(types.get(record, ()))
-    if not isinstance(value, tuple) or at >= len(value):
-        raise Unresolved("there is no such component")
-    return (*value[:at], replaced(value[at], inner, by, types), *value[at + 1 :])
 
 
 def shifted(name: str, T: Float[np.ndarray, "4 4"], by: Sequence[Value], options: Mapping[str, Value]) -> np.ndarray:
@@ -385,132 +349,7 @@ COMPUTED: Mapping[str, Function] = {
 """Functions of the system by their keys, of what they are given in order and by name."""
 
 
-# What data hold at some place of a program, as far as its flow tells.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Origin:
-    """Declaration of a value."""
-
-    symbol: Symbol
-    path: tuple[int, ...]
-    """Which component or element of it, counted from 0."""
-    type: str
-    node: Expression | None
-    """What is written there; None where only a larger whole is written."""
-    selectors: tuple[Component | Index, ...]
-    """How the reference says the path."""
-
-    @property
-    def name(self) -> str:
-        """Name as ``p{3}`` or ``st{2}.pick``, with the value of each index."""
-        items, text = iter(self.path), self.symbol.name
-        for selector in self.selectors:
-            match selector:
-                case Index():
-                    text += "{" + ",".join(str(next(items) + 1) for _ in selector.items) + "}"
-                case Component():
-                    next(items)
-                    text += f".{selector.key}"
-        return text
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PassedArgument:
-    """Argument of a call that a parameter holds, and the references by which it is passed on."""
-
-    argument: Argument
-    """Of the first call, where what is passed on is written."""
-    file: File
-    """Of that call."""
-    origin: Origin | None
-    """Declaration of what the argument names; None where it names none."""
-    literal: Aggregate | None
-    """What the argument writes out; None where it does not."""
-    reads: frozenset[tuple[File, int]] = frozenset()
-    """Files and first characters of the arguments by which routines hand it on."""
-    parameters: tuple[Symbol, ...] = ()
-    """Those that it has come through."""
-
-    @property
-    def source(self) -> tuple[object, ...]:
-        """Equal for what comes from the same argument to the same parameters."""
-        return (self.argument, self.parameters)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AbstractValue:
-    """Abstract value of data."""
-
-    value: Value
-    """Of no meaning where it is the declared one."""
-    declared: bool = False
-    """It is the value of their declaration, which still stands."""
-    passed: PassedArgument | None = None
-    """How a parameter got it."""
-    name: str = ""
-    """Of the data whose value it is, where it was assigned as a whole; empty otherwise."""
-    settable: bool = False
-    """It comes from persistent data, which an operator may set by hand: nothing is decided by it."""
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, AbstractValue):
-            return False
-        source = None if self.passed is None else self.passed.source
-        others = None if other.passed is None else other.passed.source
-        mine = (self.declared, self.name, source, self.settable)
-        same = mine == (other.declared, other.name, others, other.settable)
-        return self is other or (same and identical(self.value, other.value))
-
-
-def identical(a: Value, b: Value) -> bool:
-    """Whether two values are the same and of one type: a truth is not a number."""
-    if isinstance(a, tuple) and isinstance(b, tuple):
-        return a is b or (len(a) == len(b) and all(map(identical, a, b)))
-    return type(a) is type(b) and a == b
-
-
-def common(a: Value, b: Value, why: str) -> Value:
-    """What two values agree in."""
-    if identical(a, b):
-        return a
-    if isinstance(a, tuple) and isinstance(b, tuple) and len(a) == len(b):
-        return tuple(common(*both, why) for both in zip(a, b, strict=True))
-    return Lost(reason=why)
-
-
-Variables = Mapping[Symbol, AbstractValue]
-"""What is known of variables; those that are missing hold their declared value, or nobody knows what."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class State(flow.State):
-    """State at a place of a program."""
-
-    variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
-
-    def common(self, values: Sequence[AbstractValue | None], why: str) -> AbstractValue | None:
-        """What several ways have left of a value, by component; see `flow.State.common`."""
-        known = [value for value in values if value is not None]
-        if len(known) < len(values) or all(value == known[0] for value in known):
-            return known[0] if len(known) == len(values) else None
-        own = known[0].value
-        for value in known[1:]:
-            own = common(own, value.value, why)
-        if isinstance(own, Lost) or any(value.declared for value in known):
-            return None
-        return AbstractValue(value=own, settable=any(value.settable for value in known))
-
-
-UNREACHED = State(reached=False)
-"""Where control does not come."""
-
-
-MAX_REFERENCES = 100
-"""Values that lead to others through more steps than this probably lead to themselves."""
-
-MAX_RECORDS = 10
-"""Records in each other; a record that holds itself is an error."""
+# Values as the one interpreter keeps them: structures whose parts are counted from 0.
 
 MAX_BLANK = 10_000
 """Elements of an array that is followed although it is declared without a value."""
@@ -518,283 +357,119 @@ MAX_BLANK = 10_000
 MAX_ELEMENTS = 1e7
 """No array has more."""
 
+TARGETS = ("robtarget", "jointtarget")
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Found:
-    """Data that a reference names."""
 
-    value: Value
-    type: str
-    origin: Origin | None
-    """Where it is declared; None where it was assigned or computed."""
-    passed: PassedArgument | None
-    """How the parameter got it that the reference names; None where it names none, or what it holds was assigned to it."""
-    literal: Expression | None
-    """What holds it in the text: of its declaration, or of the argument that a parameter was given."""
-    name: str
-    """Of the data that are meant, such as a parameter's argument."""
+class Listed(Mapping[Hashable, Any]):
+    """Parts of a list of nothing but numbers, or of such lists, which are read when they are asked for."""
+
+    __slots__ = ("_made", "node", "persistent")
+
+    def __init__(self, node: Written, *, persistent: bool = False) -> None:
+        """Take a list as it is written, and whether an operator may change its numbers by hand."""
+        self.node, self.persistent = node, persistent
+        self._made: dict[Hashable, Any] | None = None
+
+    @property
+    def made(self) -> dict[Hashable, Any]:
+        """The parts."""
+        if self._made is None:
+            self._made = dict[Hashable, Any](
+                enumerate(_structured(v, persistent=self.persistent) for v in self.node.values)
+            )
+        return self._made
+
+    def __getitem__(self, key: Hashable) -> Any:
+        return self.made[key]
+
+    def __iter__(self) -> Iterator[Hashable]:
+        return iter(self.made)
+
+    def __len__(self) -> int:
+        return len(self.made)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or dict(self) == other
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+
+def _structured(value: Any, *, persistent: bool = False) -> Any:
+    if isinstance(value, tuple):
+        parts = cast("tuple[Any, ...]", value)
+        return Structure(kind="", parts={i: _structured(one, persistent=persistent) for i, one in enumerate(parts)})
+    return Settable(value) if persistent and type(value) is float else value
+
+
+def structured(value: Any) -> Any:
+    """A value as the interpreter keeps it: the inverse of `plain`."""
+    return _structured(value)
+
+
+def plain(value: Any) -> Any:
+    """Values in tuples, as functions and motions take them."""
+    if not isinstance(value, Structure):
+        return value
+    parts = value.parts
+    if isinstance(parts, Listed):
+        return parts.node.values
+    if value.rest is not None and not parts:
+        return value.rest
+    return tuple([plain(part) for part in parts.values()])
+
+
+@lru_cache(maxsize=256)
+def plain_once(value: Structure) -> Any:
+    """The same of what many motions have in common."""
+    return plain(value)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Values:
-    """Reads values, given what is assigned to somewhere in the program."""
+class PassedArgument:
+    """Argument of a call that a parameter holds, and the references by which it is passed on."""
 
-    assigned: Mapping[Symbol, Mapping[tuple[int, ...], str]]
-    """Which components of each symbol, and how: "is assigned to in part.mod:4"; all of it by the empty path."""
-    variables: Variables = field(default_factory=dict[Symbol, AbstractValue])
-    """What the flow of the program tells of variables and parameters at the place where values are read."""
-    returned: Mapping[Call, AbstractValue] = field(default_factory=dict[Call, AbstractValue])
-    """What functions of the program return there."""
-    _known: dict[Expression, Value] = field(default_factory=dict[Expression, Value])
-    """Values of what is declared, so that each is computed once."""
-    _named: dict[Symbol, Found] = field(default_factory=dict[Symbol, Found])
-    """What names of declared data stand for where the flow says nothing of them, the same."""
+    argument: Span
+    """Of the first call, where what is passed on is written."""
+    reads: frozenset[tuple[int, int]] = frozenset()
+    """Files and first characters of the arguments by which routines hand it on."""
+    parameters: tuple[Symbol, ...] = ()
+    """Those that it has come through."""
+    selected: bool = False
+    """A part of it is handed on."""
 
-    def at(self, variables: Variables, returned: Mapping[Call, AbstractValue]) -> "Values":
-        """Values where the flow of the program tells these."""
-        return Values(
-            assigned=self.assigned, variables=variables, returned=returned, _known=self._known, _named=self._named
-        )
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, PassedArgument):
+            return NotImplemented
+        return (self.argument, self.parameters) == (other.argument, other.parameters)
 
-    def of(self, expression: Expression, scope: Scope, depth: int = 0) -> Value:
-        """The value of an expression.
-
-        Raises:
-            Unresolved: the text does not give it.
-        """
-        if depth > MAX_REFERENCES:
-            raise Unresolved("data refer to each other in a circle, or too deeply")
-        match expression:
-            case Number() | Constant():
-                return expression.value
-            case Aggregate() if expression.is_literal and depth < MAX_REFERENCES - 1:
-                return expression.values
-            case Aggregate():
-                return tuple(self.of(item, scope, depth + 1) for item in expression.items)
-            case Reference():
-                return self.found(expression, scope, depth).value
-            case Operation(operator="()"):
-                return self.of(expression.operands[0], scope, depth + 1)
-            case Operation():
-                values = [self.of(operand, scope, depth + 1) for operand in expression.operands]
-                return operated(expression.operator, values, OPERATORS)
-            case Call():
-                return self._of_call(expression, scope, depth)
-
-    def number(self, expression: Expression, scope: Scope, depth: int = 0) -> float:
-        """The value of an expression that has to be a number.
-
-        Raises:
-            Unresolved: the text does not give it, or it is none.
-        """
-        value = self.of(expression, scope, depth)
-        if not isinstance(whole(value), float):
-            raise Unresolved("a number is expected where there is none")
-        return cast("float", value)
-
-    def partly(self, expression: Expression, scope: Scope) -> Value:
-        """The value of an expression, as far as the text gives it."""
-        if isinstance(expression, Aggregate) and not expression.is_literal:
-            return tuple(self.partly(item, scope) for item in expression.items)
-        try:
-            return self.of(expression, scope)
-        except Unresolved as reason:
-            return Lost(reason=str(reason))
-
-    def settable(self, expression: Expression, scope: Scope) -> bool:
-        """Whether an operator may change what an expression gives by hand: it reads persistent data."""
-        return any(
-            self._is_settable(part, scope) if isinstance(part, Reference) else self.returned[part].settable
-            for part in parts_of(expression)
-            if isinstance(part, Reference) or (isinstance(part, Call) and part in self.returned)
-        )
-
-    def _is_settable(self, reference: Reference, scope: Scope) -> bool:
-        symbol = scope.find(reference.name.text)
-        known = None if symbol is None else self.variables.get(symbol)
-        declaration = None if symbol is None else symbol.declaration
-        return declaration is not None and declaration.storage == "pers" if known is None else known.settable
-
-    def found(self, reference: Reference, scope: Scope, depth: int = 0) -> Found:
-        """Data that a reference names.
-
-        Raises:
-            Unresolved: it is not declared in the files, or its value is not known from the text.
-        """
-        symbol = scope.find(reference.name.text)
-        if symbol is None:
-            raise Unresolved(f"'{reference.name.text}' is not declared in the files; pass the module that declares it")
-        known = self.variables.get(symbol)
-        if known is None and not reference.selectors and symbol in self._named:
-            return self._named[symbol]
-        lost = self.assigned.get(symbol, {}) if known is None else {}
-        path, type_ = ((), symbol.type) if () in lost else self.path(reference, symbol, scope, depth)
-        for at, how in lost.items():
-            if path[: len(at)] == at or symbol.obstacle:
-                raise Unresolved(f"'{symbol.name}' {how}, so its value is not known")
-        if known is None and symbol.obstacle:
-            raise Unresolved(symbol.obstacle)
-        if known is None or known.declared:
-            node = _inside(symbol.declaration.value if symbol.declaration else None, path)
-            origin = Origin(symbol=symbol, path=path, type=type_, node=node, selectors=reference.selectors)
-            value = self._declared(origin, depth)
-            for at, how in lost.items():
-                if at[: len(path)] == path:
-                    because = Lost(reason=f"'{symbol.name}' {how}, so its value is not known")
-                    value = replaced(value, [(step, "") for step in at[len(path) :]], because, {})
-            found = Found(value=value, type=type_, origin=origin, passed=None, literal=origin.node, name=origin.name)
-            if known is None and not reference.selectors and depth == 0 and symbol.declaration is not None:
-                self._named[symbol] = found
-            return found
-        value = _component(known.value, path, symbol)
-        if known.passed is None:
-            name = known.name if known.name and not path else symbol.name
-            return Found(value=value, type=type_, origin=None, passed=None, literal=None, name=name)
-        return _through(known.passed, value, path, type_, reference)
-
-    def blank(self, symbol: Symbol, leaf: Callable[[str], Value]) -> Value:
-        """A value of the type of data, without any that is declared.
-
-        Args:
-            symbol: the data.
-            leaf: what stands for a type that has no components.
-
-        Raises:
-            Unresolved: it is not known how many elements there are, or there are very many.
-        """
-        declaration, scope = symbol.declaration, symbol.scope
-        if declaration is None or scope is None:
-            raise Unresolved(symbol.obstacle)
-        value = _blank(symbol.type, scope.types, leaf)
-        count = 1.0
-        for expression in reversed(declaration.dimensions):
-            size = self.number(expression, scope)
-            count *= size
-            if not 1.0 <= count <= MAX_BLANK or size != int(size):
-                raise Unresolved(f"'{symbol.name}' has too many elements")
-            value = (value,) * int(size)
-        return value
-
-    def path(self, reference: Reference, symbol: Symbol, scope: Scope, depth: int = 0) -> tuple[tuple[int, ...], str]:
-        """Which component or element of its data a reference means, and the type of that.
-
-        Raises:
-            Unresolved: an index is not known, or there is no such component.
-        """
-        found = list(steps(reference, symbol, scope, lambda item: self.number(item, scope, depth + 1)))
-        return tuple(at for at, _, _ in found), found[-1][2] if found else symbol.type
-
-    def _declared(self, origin: Origin, depth: int) -> Value:
-        """The declared value of data, which does not follow what its parts hold later."""
-        symbol = origin.symbol
-        if origin.node is not None:
-            return self._written(origin.node, symbol, depth)
-        if symbol.declaration is not None and symbol.declaration.value is not None:
-            value = self._written(symbol.declaration.value, symbol, depth)
-        elif symbol.value is not None:
-            value = symbol.value
-        else:
-            raise Unresolved(f"'{symbol.name}' is declared without a value")
-        return _component(value, origin.path, symbol)
-
-    def _written(self, node: Expression, symbol: Symbol, depth: int) -> Value:
-        if symbol.scope is None:
-            raise Unresolved(f"'{symbol.name}' is declared without a value")
-        if isinstance(node, Number) and depth < MAX_REFERENCES:
-            return node.value
-        if isinstance(node, Aggregate) and node.is_literal:
-            return node.values
-        if node not in self._known:
-            self._known[node] = Values(assigned=self.assigned, _known=self._known).of(node, symbol.scope, depth + 1)
-        return self._known[node]
-
-    def _of_call(self, call: Call, scope: Scope, depth: int) -> Value:
-        key = call.name.key
-        if key in scope.routines and call in self.returned:
-            return self.returned[call].value
-        if key in scope.routines or key not in COMPUTED:
-            raise Unresolved(f"the value of {call.name.text}() is known only at run time")
-        required = [a.value for a in call.arguments if not a.option and a.value is not None]
-        options = {a.option: a.value for a in call.arguments if a.option and not a.conditional and a.value is not None}
-        if len(required) + len(options) != len(call.arguments):
-            raise Unresolved(f"the value of {call.name.text}() is known only at run time")
-        given = [self.of(node, scope, depth + 1) for node in required]
-        return COMPUTED[key](given, {name: self.of(node, scope, depth + 1) for name, node in options.items()})
+    def __hash__(self) -> int:
+        return hash((self.argument, self.parameters))
 
 
-def steps(
-    reference: Reference, symbol: Symbol, scope: Scope, number: Callable[[Expression], float]
-) -> Iterator[tuple[int, str, str]]:
-    """Steps of a reference into its data: which component or element, the type of the record that has it, and its own.
+@dataclass(frozen=True, kw_only=True)
+class Traced(Origin):
+    """Where the numbers of a value stand, and how it came from there."""
 
-    Args:
-        reference: it.
-        symbol: the data.
-        scope: what names mean there.
-        number: value of an index.
+    name: str = ""
+    """Of the data whose value it is."""
+    literal: Written | None = None
+    """What holds it in the text, all of its numbers written out."""
+    assigned: bool = False
+    """It was assigned to a variable, of whose name other numbers may be read: nothing is said but the name."""
+    passed: PassedArgument | None = None
+    """How a parameter got it."""
+    base: Structure | None = None
+    """What Offs or RelTool shifts."""
 
-    Raises:
-        Unresolved: an index is not known, or there is no such component.
-    """
-    type_ = symbol.type
-    for selector in reference.selectors:
-        match selector:
-            case Index():
-                for item in selector.items:
-                    index = number(item)
-                    if not 1.0 <= index <= MAX_ELEMENTS or index != int(index):
-                        raise Unresolved(f"{index:g} is not an index of '{symbol.name}'")
-                    yield int(index) - 1, "", type_
-            case Component():
-                record, names = type_, [name for name, _ in scope.types.get(type_, ())]
-                if selector.key not in names:
-                    raise Unresolved(f"'{symbol.name}' has no component '{selector.key}'")
-                at = names.index(selector.key)
-                type_ = scope.types[record][at][1]
-                yield at, record, type_
+    @property
+    def place(self) -> tuple[int, ...]:
+        """The part of them, counted from 0."""
+        return cast("tuple[int, ...]", self.path)
 
-
-def _blank(type_: str, types: Types, leaf: Callable[[str], Value], depth: int = 0) -> Value:
-    if type_ not in types or depth > MAX_RECORDS:
-        return leaf(type_)
-    return tuple(_blank(component, types, leaf, depth + 1) for _, component in types[type_])
-
-
-def _inside(node: Expression | None, path: tuple[int, ...]) -> Expression | None:
-    """Expression at a path of another one; None where only a larger whole is written."""
-    for item in path:
-        if not isinstance(node, Aggregate) or item >= len(node.items):
-            return None
-        node = node.items[item]
-    return node
-
-
-def _component(value: Value, path: tuple[int, ...], symbol: Symbol) -> Value:
-    for item in path:
-        if isinstance(value, Lost):
-            break
-        if not isinstance(value, tuple) or item >= len(value):
-            raise Unresolved(f"'{symbol.name}' has no element {item + 1}")
-        value = value[item]
-    if isinstance(value, Lost):
-        raise Unresolved(value.reason)
-    return value
-
-
-def _through(passed: PassedArgument, value: Value, path: tuple[int, ...], type_: str, reference: Reference) -> Found:
-    """Data that a reference to a parameter names, whose argument is written in a call."""
-    literal, origin = _inside(passed.literal, path), passed.origin
-    if origin is not None:
-        origin = replace(
-            origin,
-            path=(*origin.path, *path),
-            type=type_,
-            node=_inside(origin.node, path) if origin.node is not None else None,
-            selectors=(*origin.selectors, *reference.selectors),
-        )
-        literal = origin.node
-    name = reference.name.text if origin is None else origin.name
-    return Found(value=value, type=type_, origin=origin, passed=passed, literal=literal, name=name)
+    @property
+    def symbol(self) -> Symbol:
+        """The data that are declared there."""
+        return cast("Symbol", self.owner)
 
 
 # The text of RAPID numbers, which the controller keeps in single precision.

@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from math import nan, radians
+from math import nan
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import THROUGH_TARGET, Unresolved, Zone, angled_pose, pose_numbers
+from robot_programs.core.program import Unresolved, angled_pose, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Source, TextEdit, lines_of, numeral, renumbered
 
@@ -49,6 +49,8 @@ class Register:
     """Its pose, metres; None where it has joints."""
     q: Float[np.ndarray, " joints"] | None = None
     """Its joint positions, radians; None where it has a pose."""
+    values: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Its components as they are stated, millimetres and degrees."""
     configuration: str = ""
     extended: bool = False
     """It has positions of extended axes, too."""
@@ -92,13 +94,13 @@ def read_variables(sources: Sequence[Source]) -> Variables:
         if not is_variables(source):
             continue
         for name, number, text in _elements(source.text):
-            pose = _pose(text)
+            pose = _pose_values(text)
             if name == "$POSREG":
                 register = _stated_register(text, pose)
                 if register is not None:
                     out.registers[number] = register
-            elif pose is not None:
-                (out.frames if name == "$MNUFRAME" else out.tools)[number] = pose
+            elif pose:
+                (out.frames if name == "$MNUFRAME" else out.tools)[number] = _pose(pose)
     return out
 
 
@@ -113,22 +115,27 @@ def _elements(text: str) -> Iterator[tuple[str, int, str]]:
                 yield name, int(element["number"][-6:]), _COMMENT.sub("''", text[element.end() : behind], count=1)
 
 
-def _pose(text: str) -> Float[np.ndarray, "4 4"] | None:
+def _pose_values(text: str) -> dict[str, float]:
+    """X Y Z W P R that are stated; empty unless all are."""
     values = {match["name"]: float(match["value"]) for match in _POSE_VALUE.finditer(text)}
-    if len(values) < 6:
-        return None
+    return values if len(values) == len(POSE) else {}
+
+
+def _pose(values: Mapping[str, float]) -> Float[np.ndarray, "4 4"]:
     return angled_pose(*(values[name] for name in "XYZRPW"))
 
 
-def _stated_register(text: str, pose: Float[np.ndarray, "4 4"] | None) -> Register | None:
+def _stated_register(text: str, pose: Mapping[str, float]) -> Register | None:
     extended = _EXTENDED.search(text) is not None
-    if pose is not None:
+    if pose:
         stated = _REGISTER_CONFIGURATION.search(text)
-        return Register(T=pose, configuration="" if stated is None else stated["text"].strip(), extended=extended)
+        configuration = "" if stated is None else stated["text"].strip()
+        return Register(T=_pose(pose), values=pose, configuration=configuration, extended=extended)
     joints = list(_JOINT_VALUE.finditer(text))
     if not joints or any(match["unit"] == "mm" for match in joints):
         return None
-    return Register(q=np.radians([float(match["value"]) for match in joints]), extended=extended)
+    degrees = [float(match["value"]) for match in joints]
+    return Register(q=np.radians(degrees), values=dict(zip(JOINTS, degrees, strict=False)), extended=extended)
 
 
 # Positions of a program, as its section POS lists them; from text to numbers and back.
@@ -480,233 +487,7 @@ def _instruction(opened: tuple[int, tuple[int, int], int], end: int, pieces: lis
     return Instruction(start=start, number=number, body=body, end=end, text="".join(pieces)[: end - body])
 
 
-# Motion instructions: ``L P[3] 500mm/sec CNT100 Offset,PR[2]``, from text to what they say.
-#
-# FANUC's operator's manuals, section "Motion instructions": J moves the joints, L along a line, C along an arc
-# through a point to another one, A along arcs through the points of several instructions.
-
-_KEYWORD = re.compile(r"\s*(?P<keyword>[JLCAS])(?=\s*P(R)?\s*\[)", re.IGNORECASE)
-_OPERAND = re.compile(r"\s*(?P<kind>PR|P)\s*\[", re.IGNORECASE)
-_NUMBER = re.compile(r"\s*(\d{1,5})\s*(:.*)?", re.DOTALL)
-_PLAIN_SPEED = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)", re.IGNORECASE)
-_OTHER_SPEED = re.compile(
-    r"(?:A?R\[[^\]]*\]\s*(%|mm/sec|cm/min|inch/min|deg/sec|sec|msec)|max_speed|weld_speed)", re.IGNORECASE
-)
-_TERMINATION = re.compile(r"(FINE|CNT\s*\d+|CNT\s*A?R\[[^\]]*\]|C[DR]\s*\d+)(?![\w\[])", re.IGNORECASE)
-_OPTION = re.compile(r"(?P<name>[A-Za-z_][A-Za-z_.]*)(?P<rest>[^\s\[]*(?:\[[^\]]*\][^\s\[]*)*)")
-
 METRES_PER_SECOND = {"mm/sec": 1e-3, "cm/min": 1e-2 / 60.0, "inch/min": 0.0254 / 60.0}
-
-_BEHIND = frozenset({"ta", "tb", "db"})
-"""Options that begin a call or an assignment at a time before or behind the target; all that follows belongs to them."""
-_WITHOUT_EFFECT = frozenset({
-    "acc", "ev", "pth", "mrot", "break", "arc", "start", "end", "weave", "sine", "circle", "figure", "spot", "ap_ld", "rt_ld",
-})  # fmt: skip
-"""Options that do not change where the motion leads."""
-_REFUSED = {
-    "inc": "INC counts its position from where the tool is",
-    "coord": "COORD moves it with another group",
-    "rtcp": "RTCP lets the tool stand still",
-    "voffset": "VOFFSET shifts it by what a camera saw",
-    "ind.ev": "Ind.EV moves an extended axis on its own",
-    "track": "it is corrected at run time by a sensor",
-    "tast": "it is corrected at run time by a sensor",
-    "avc": "it is corrected at run time by a sensor",
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Operand:
-    """A position of a motion, as it is named."""
-
-    register: bool
-    """``PR[…]``, a register of the controller; otherwise ``P[…]``, a position of the program."""
-    number: int | None
-    """None where it is computed."""
-    start: int
-    end: int
-
-    @property
-    def name(self) -> str:
-        """Name by which the motion calls it."""
-        return f"{'PR' if self.register else 'P'}[{self.number}]"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Offset:
-    """A shift of the target by a register."""
-
-    in_tool: bool
-    """``Tool_Offset``; otherwise ``Offset``, in the user frame."""
-    register: int | None
-    """None where it is computed, or set by an instruction before."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MotionLine:
-    """A motion instruction as it is written; places are characters of the file."""
-
-    keyword: str
-    """J, L, C, A, or S for a spline."""
-    keyword_at: int
-    operands: tuple[Operand, ...] = ()
-    """Its positions, the last of them the end."""
-    termination: tuple[int, int] = (0, 0)
-    """Where FINE or CNT stands; empty where neither does."""
-    stops: bool = True
-    zone: Zone | None = THROUGH_TARGET
-    """How near it passes by; None where the text does not say: a corner by ``CNT`` depends on how the controller accelerates."""
-    speed: float | None = None
-    """Metres per second; None where the text does not say."""
-    speed_at: tuple[int, int, str] = (0, 0, "")
-    """Where its number stands, and the unit behind it in lower case."""
-    turn_speed: float | None = None
-    """Radians per second; None where the text does not say."""
-    wrist: bool = False
-    """``Wjnt``: the wrist's joints move evenly instead of the orientation."""
-    skips: bool = False
-    """It may end before its target."""
-    offsets: tuple[Offset, ...] = ()
-    obstacle: str = ""
-    """Why it cannot be read whole; empty where it can."""
-
-
-def parse_motion(text: str, at: int) -> MotionLine | None:
-    """The motion that an instruction is; None where it is not one.
-
-    Args:
-        text: the instruction.
-        at: its first character's place in the file.
-    """
-    begin = _KEYWORD.match(text)
-    if begin is None:
-        return None
-    motion = MotionLine(keyword=begin["keyword"].upper(), keyword_at=at + begin.start("keyword"))
-    if motion.keyword == "S":
-        return replace(motion, obstacle="how a spline runs between its points is not known")
-    try:
-        operands, behind = _operands(text, begin.end(), at, 2 if motion.keyword == "C" else 1)
-        return _behind_operands(text.rstrip("; \t\r\n"), behind, at, replace(motion, operands=operands))
-    except Unresolved as reason:
-        return replace(motion, obstacle=str(reason))
-
-
-def _operands(text: str, position: int, at: int, count: int) -> tuple[tuple[Operand, ...], int]:
-    operands: list[Operand] = []
-    for _ in range(count):
-        begin = _OPERAND.match(text, position)
-        if begin is None:
-            raise Unresolved("the end of its arc is missing")
-        close = _closing(text, begin.end())
-        number = _NUMBER.fullmatch(text[begin.end() : close])
-        operands.append(
-            Operand(
-                register=begin["kind"].upper() == "PR",
-                number=None if number is None else int(number[1]),
-                start=at + begin.start("kind"),
-                end=at + close + 1,
-            )
-        )
-        position = close + 1
-    return tuple(operands), position
-
-
-def _closing(text: str, position: int) -> int:
-    """Position at which the bracket closes that is open at a position.
-
-    Raises:
-        Unresolved: it does not.
-    """
-    depth = 1
-    for k in range(position, len(text)):
-        depth += {"[": 1, "]": -1}.get(text[k], 0)
-        if depth == 0:
-            return k
-    raise Unresolved("a bracket is not closed")
-
-
-def _behind_operands(text: str, position: int, at: int, motion: MotionLine) -> MotionLine:
-    """A motion with what stands behind its positions.
-
-    Raises:
-        Unresolved: its speed is not understood, or it does not say how it ends.
-    """
-    position = _blanks(text, position)
-    speed = _PLAIN_SPEED.match(text, position) or _OTHER_SPEED.match(text, position)
-    if speed is None:
-        raise Unresolved("its speed is not understood")
-    amount = float(speed[1]) if speed.re is _PLAIN_SPEED else 0.0
-    if amount > 0.0:
-        unit = speed[2].lower()
-        along = amount * METRES_PER_SECOND[unit] if unit in METRES_PER_SECOND else None
-        place = at + speed.start(1), at + speed.end(1), unit
-        turning = radians(amount) if unit == "deg/sec" else None
-        motion = replace(motion, speed=along, turn_speed=turning, speed_at=place)
-    termination = _TERMINATION.match(text, _blanks(text, speed.end()))
-    if termination is None:
-        raise Unresolved("it says neither FINE nor CNT")
-    ending = "".join(termination[1].upper().split())
-    motion = replace(
-        motion,
-        termination=(at + termination.start(), at + termination.end()),
-        stops=ending in ("FINE", "CNT0"),
-        zone=_zone(ending),
-    )
-    try:
-        return _with_options(motion, text, termination.end())
-    except Unresolved as reason:
-        return replace(motion, obstacle=str(reason))
-
-
-def _zone(ending: str) -> Zone | None:
-    """Zone of a termination without blanks: ``CD`` states the distance from the target where the corner begins, millimetres.
-
-    ``CR`` says a length, too, but no document at hand whether it is that distance or the corner's radius.
-    """
-    if ending in ("FINE", "CNT0"):
-        return THROUGH_TARGET
-    if not ending.startswith("CD"):
-        return None
-    return Zone(distance=float(ending[2:]) / 1e3, turn_distance=float(ending[2:]) / 1e3)
-
-
-def _blanks(text: str, position: int) -> int:
-    return position + len(text[position:]) - len(text[position:].lstrip())
-
-
-def _with_options(motion: MotionLine, text: str, position: int) -> MotionLine:
-    """A motion with what stands behind its termination.
-
-    Raises:
-        Unresolved: an option that leads elsewhere, or is not known.
-    """
-    offsets: list[Offset] = []
-    while (position := _blanks(text, position)) < len(text):
-        option = _OPTION.match(text, position)
-        if option is None:  # the value of the option before
-            while position < len(text) and not text[position].isspace():
-                position += 1
-            continue
-        name, rest = option["name"].lower(), option["rest"]
-        position = option.end()
-        if name in _BEHIND:
-            break
-        if name in _REFUSED:
-            raise Unresolved(_REFUSED[name])
-        if name in ("offset", "tool_offset"):
-            offsets.append(Offset(in_tool=name == "tool_offset", register=_register(rest)))
-        elif name == "wjnt":
-            motion = replace(motion, wrist=True)
-        elif name == "skip":
-            motion = replace(motion, skips=True)
-        elif name not in _WITHOUT_EFFECT:
-            raise Unresolved(f"its option '{option[0]}' is not provided for")
-    return replace(motion, offsets=tuple(offsets))
-
-
-def _register(text: str) -> int | None:
-    match = re.fullmatch(r",\s*PR\[\s*(\d{1,5})\s*(:[^\]]*)?\]", text, re.IGNORECASE)
-    return None if match is None else int(match[1])
 
 
 # The configuration of a position: which of the postures that reach its pose is meant.

@@ -1,47 +1,43 @@
 """New numbers for the targets of a URScript program, in the places where it states them; and new programs."""
 
 import re
-from collections import Counter, defaultdict
-from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence, Set
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core import se3
-from robot_programs.core.errors import InputError
-from robot_programs.core.flow import Loop, lines_in
+from robot_programs.core import flow
+from robot_programs.core.form import Arming, Ask, Expression, Hole, Op, Span, inside
+from robot_programs.core.kit import parted, words
 from robot_programs.core.program import (
     Composition,
-    Diagnostic,
     Frame,
     Motion,
     NearPosture,
     Paths,
-    Program,
     Target,
     Visit,
     Waypoint,
+    Wrapped,
     Wrapping,
-    reject_in_turn,
+    wrapping,
 )
 from robot_programs.core.robot import JOINTS, Robot
+from robot_programs.core.sharing import SharingProgram, Spelling, Use
 from robot_programs.core.source import FreshNames, Source, TextEdit, numeral, renumbered
-from robot_programs.core.written_out import (
-    Repeated,
-    Shared,
-    Turns,
-    least_worst,
-    loops_to_write,
-    reaching,
-    written_out,
-)
-from robot_programs.urscript.computed import with_function, wrap
-from robot_programs.urscript.holders import Holders
-from robot_programs.urscript.syntax import REST_OF_LINE, Expression, File, Routine, Statement, inside, plain_name
-from robot_programs.urscript.values import FUNCTIONS, MOTIONS, Literal, Six, signature, six_of
+from robot_programs.core.values import Origin
+from robot_programs.core.written_out import Repeated, Turns
+from robot_programs.urscript.helper import Holders, made_of, with_function, wrap
+from robot_programs.urscript.lower import Function, Lowered, MotionCall
+from robot_programs.urscript.meaning import Point, Site, slot_of
+from robot_programs.urscript.syntax import REST_OF_LINE, WORD
+from robot_programs.urscript.values import Six, has_value, six_of
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import InputError
 
 METRES, RADIANS = 7, 8
 """Decimals written of positions and of angles: a tenth of a micrometre, and as much at the end of an arm."""
@@ -54,83 +50,27 @@ PASSING_M, PASSING_SHARE = 1e-3, 0.3
 way between two of them, for blends cannot overlap (Universal Robots, *User manual*, waypoints)."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Point:
-    """A target of a motion as it is written."""
-
-    slot: Expression
-    """What stands for it in the motion, inside of ``get_inverse_kin`` and ``pose_trans``."""
-    framed: bool
-    """The slot counts in the feature, which the motion names."""
-    named: bool
-    """The feature is what its variable holds where the motion stands."""
-    literal: Literal | None
-    """The numbers that state it, in the motion or elsewhere, in the feature if it has one; None where it is computed."""
-    values: Six
-    joints: bool
-    feature: tuple[str, Six] | None
-    """The variable that is its part's frame, and the pose that this holds."""
-    T: Float[np.ndarray, "4 4"]
-    """Its part's frame in the base, as it was read."""
-    turns: bool = True
-    """The tool gets the orientation that the numbers state."""
-
-    def wanted(self, waypoint: Waypoint) -> Six:
-        """Numbers for a waypoint, in the feature or in the base."""
-        if self.joints:
-            return tuple(float(angle) for angle in waypoint.q)
-        assert waypoint.T is not None
-        return six_of(waypoint.T if self.feature else self.T @ waypoint.T, self.values)
-
-
-def slot_of(argument: Expression) -> tuple[Expression, bool]:
-    """What stands for a target in a motion's argument, and whether it is moved by a feature that is named there."""
-    while argument.kind == "call" and argument.name == "get_inverse_kin" and argument.parts:
-        argument = argument.parts[0]
-    if (
-        argument.kind == "call"
-        and argument.name == "pose_trans"
-        and [one.kind for one in argument.parts[:1]] == ["name"]
-        and len(argument.parts) == 2
-    ):
-        return argument.parts[1], True
-    return argument, False
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Site:
-    """A motion's place in the text."""
-
-    file: File
-    call: Expression
-    points: tuple[Point, ...]
-
-    @property
-    def text(self) -> tuple[int, int]:
-        """Number of the file, and first character."""
-        return self.file.number, self.call.start
-
-
 # The program.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class UrscriptProgram(Program):
+class UrscriptProgram(SharingProgram):
     """URScript program read from its files."""
 
-    sites: tuple[Site, ...]
-    """Of the moves, in their order."""
-    files: tuple[File, ...]
-    failing: tuple[tuple[int, Expression], ...] = ()
-    """Motions that were not understood, with the numbers of their files."""
-    shifted: frozenset[tuple[int, int]] = frozenset()
-    """Those of them, by file and first character, where something may move the tool away from its target."""
-    turns: Mapping[Loop, tuple[float, ...] | None] = field(default_factory=dict[Loop, tuple[float, ...] | None])
-    """See `Flow.turns`."""
+    LANGUAGE: ClassVar = "URScript"
+
+    sites: tuple[Site, ...] = ()
+    routines: tuple[Function, ...] = ()
+    program: Lowered
+    failing: tuple[MotionCall, ...] = ()
+    """Motions that were not understood."""
+    shifted: Set[MotionCall] = frozenset()
+    """Those of them where something may move the tool away from its target."""
 
     @cached_property
-    def _holders(self) -> Holders:
-        return Holders(files=self.files)
+    def holders(self) -> Holders:
+        """Which data may hold which numbers."""
+        return Holders(routines=self.program.routines)
 
     def wrap(
         self,
@@ -146,156 +86,97 @@ class UrscriptProgram(Program):
         source, *others = self.sources
         if others:
             raise InputError(f"{others[0].path}: a function has its place in one file; correct one at a time")
-        names = {routine.name for file in self.files for routine in file.routines}
-        if added is not None and function in names:
+        if added is not None and function in self.program.by_name:
             raise InputError(f"{source.path}: has a function {function} already")
-        staying = {site.text for i, site in enumerate(self.sites) if i not in rejected}
-        motions = {site.text: site.call for site in self.sites if site.text not in staying}
-        motions |= {(file, call.start): call for file, call in self.failing if (file, call.start) not in self.shifted}
-        found = list(wrap(motions.values(), source, self._holders, function, without=without, keep_joints=keep_joints))
-        left = [
-            (call, "something may move the tool away from its target")
-            for file, call in self.failing
-            if (file, call.start) in self.shifted
-        ]
-        left += [(one.call, one.obstacle) for one in found if one.edit is None]
-        wrapped = [one for one in found if one.edit is not None]
-        read = partial(self.read, corrects=function)
-        return Wrapping(
-            program=read((source.edited(one.edit for one in wrapped if one.edit),)) if wrapped else self,
-            wrapped=tuple(source.place(one.call.start) for one in wrapped),
-            left=tuple(
-                Diagnostic(place=source.place(call.start), text=f"{call.name} is not corrected at run time: {obstacle}")
-                for call, obstacle in left
-            ),
-            completed=lambda sources: (with_function(sources[0], added),) if added and wrapped else sources,
-        )
+        staying = {site.line for i, site in enumerate(self.sites) if i not in rejected}
+        lines = dict.fromkeys(site.line for site in self.sites if site.line not in staying)
+        lines |= dict.fromkeys(line for line in self.failing if line not in self.shifted)
+        why = "something may move the tool away from its target"
+        found = [
+            *(Wrapped(place=source.place(one.at[1]), name=one.name, obstacle=why) for one in self.failing if one in self.shifted),
+            *wrap(lines, source, self.holders, function, without=without, keep_joints=keep_joints),
+        ]  # fmt: skip
+        program = replace(self, read=partial(self.read, corrects=function))
+        made = wrapping(program, found, None, lambda again: (again, ()))
+        if added is None or not made.wrapped:
+            return made
+        return replace(made, completed=lambda sources: (with_function(sources[0], added),))
 
-    def rewrite(self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> tuple[Source, ...]:
-        """The program's files with some motions rewritten; see `Program.rewrite`.
+    def spelling(self, robot: Robot, waypoints: Paths) -> "UrscriptSpelling":
+        """Numbers are changed where they stand, in the motion or where its variable gets them; else the motion states its own."""
+        return UrscriptSpelling(sources=self.sources, program=self, uses=[*self._uses(waypoints)])
 
-        Numbers are changed where they stand, in the motion or where its variable gets them, if all motions that go there
-        agree and nothing else reads them. Else the motion states its own.
-
-        Raises:
-            InputError: a motion is to become one of another kind, or cannot be what it should.
-        """
-        for number, path in waypoints.items():
-            if any(waypoint.kind != self.motions[number].kind for waypoint in path):
-                raise InputError(
-                    f"{self.motions[number].place}: the motion cannot become one of another kind in URScript"
-                )
-        plan = _Plan.of(self, waypoints)
-        if plan.conflicts:
-            number, why = plan.conflicts[0]
-            raise InputError(f"{self.motions[number].place}: {why}")
-        edits: list[list[TextEdit]] = [[] for _ in self.sources]
-        for file, changes in enumerate(plan.edits):
-            edits[file] += changes.values()
-        for number, path in waypoints.items():
-            site, move = self.sites[number], self.motions[number]
-            source, start = self.sources[site.file.number], site.call.start
-            parting = source.newline + source.indent(start)
-            radius = _passing(path)
-            texts = [self._inserted(site, move, waypoint, radius) + parting for waypoint in path[:-1]]
-            if texts:
-                edits[site.file.number].insert(0, TextEdit(start=start, end=start, text="".join(texts)))
-        return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
-
-    def _inserted(self, site: Site, move: Motion, waypoint: Waypoint, radius: float) -> str:
-        """The motion's own text with another target, passing by it."""
-        source, call = self.sources[site.file.number], site.call
-        edits = [
-            TextEdit(start=point.slot.start, end=point.slot.end, text=_text(point, wanted))
-            for point, wanted in _wanted(site, waypoint)
-        ]
-        given = signature(call, MOTIONS[call.name][1]) or {}
-        at = (given["r"].start, given["r"].end) if "r" in given else (call.end - 1, call.end - 1)
-        edits.append(TextEdit(start=at[0], end=at[1], text=f"{radius:.5f}" if "r" in given else f", r={radius:.5f}"))
-        return source.piece(call.start, call.end, edits)
+    def _uses(self, waypoints: Paths) -> "Iterator[Use[Six]]":
+        """The points of all motions."""
+        for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
+            path = waypoints.get(number, ())
+            stays = not path or move.stays(path)
+            wanted = [point.values for point in site.points] if stays else [*_wanted(site, path[-1])]
+            for point, values in zip(site.points, wanted, strict=True):
+                # numbers count in the feature, or in the base
+                part = np.eye(4) if point.feature else point.T
+                posed = len(site.points) == 1 and not point.joints
+                yield Use(
+                    motion=number, text=point.slot.at, slot=point.literal, numbers=point.values, wanted=values, point=point,
+                    poses=(part.__matmul__, se3.inverse(part).__matmul__) if posed else None,
+                )  # fmt: skip
 
     def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
         """The argument ``v``; see `Program.speed_edit`."""
         site = self.sites[number]
-        given = (signature(site.call, MOTIONS[site.call.name][1]) or {}).get("v")
-        start, end = (site.call.end - 1,) * 2 if given is None else (given.start, given.end)
-        return site.file.number, TextEdit(start=start, end=end, text=f"{'' if given else ', v='}{speed:.10g}")
+        start, end, before = _argument(site.line, "v")
+        return site.file, TextEdit(start=start, end=end, text=f"{before}{speed:.10g}")
 
-    def unwritable(
-        self, robot: Robot, waypoints: Mapping[int, tuple[Waypoint, ...]], tolerance: float
-    ) -> dict[int, str]:
-        """Motions whose text stands for several, which need different numbers; see `Program.unwritable`."""
-        return reject_in_turn(waypoints, lambda paths: _Plan.of(self, paths).conflicts)
+    def fresh_names(self) -> FreshNames:
+        """Names that are free in all files."""
+        taken = (word for source in self.sources for word in _WORD.findall(source.text))
+        return FreshNames(taken, longest=MAX_NAME_LENGTH, reserved=RESERVED)
 
-    def least_worst(
-        self, robot: Robot, waypoints: Paths, numbers: Collection[int], tolerance: float
-    ) -> dict[int, tuple[Waypoint, ...]]:
-        """One value where motions share their numbers; see `Program.least_worst`."""
-        groups: dict[object, list[Shared]] = defaultdict(list)
-        others, stated = set[object](), dict[object, Six]()
-        for i, site in enumerate(self.sites):
-            for point in site.points:
-                numbers_of = site.text if point.literal is None else point.literal
-                part = np.eye(4) if point.feature else point.T  # numbers count in the feature, or in the base
-                base, target = part.__matmul__, se3.inverse(part).__matmul__
-                same = (
-                    stated.setdefault(numbers_of, point.values) == point.values
-                )  # else they are computed, turn by turn
-                if point.joints or len(site.points) > 1 or not same:
-                    others.add(numbers_of)
-                groups[numbers_of].append(Shared(number=i, base=base, target=target))
-        out: dict[int, tuple[Waypoint, ...]] = {}
-        for numbers_of, group in groups.items():
-            if numbers_of not in others and any(one.number in numbers for one in group):
-                out |= least_worst(group, waypoints, tolerance)
-        return out
+    def turned(self, routine: Function, loop: flow.Loop, taken: Sequence[float]) -> Turns | None:
+        """A loop turn by turn; see `SharingProgram.turned`."""
+        (file, start, begins), end = loop.line.at, loop.end.at
+        place = _own_lines(self.sources[file], (start, begins), end[1:])
+        if place is None or not _is_plain(loop.condition) or _is_left(loop.body):
+            return None
+        first, begins, last, behind = place
+        units = (one.unit for one in self.routines if one.unit.file == file and one.unit.kind)
+        if any(first <= unit.head.start < behind for unit in units):
+            return None
+        return Turns(start=first, end=behind, body=(begins, last), before=("",) * len(taken), after="")
 
-    def written_out(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with shared text written out; see `Program.written_out`."""
-        shared = {self.sites[i].text for i in numbers}
-        routines = [routine for file in self.files for routine in file.routines]
-        by_name = {routine.name: routine for routine in routines}
-        calls: dict[Routine, list[tuple[tuple[int, int], Routine]]] = defaultdict(list)
-        motions: list[tuple[tuple[int, int], Routine]] = []
-        for routine in routines:
-            for call in (call for line in routine.lines for call in line.calls):
-                text = routine.file.number, call.start
-                motions += [(text, routine)] if text in shared else []
-                if call.name in by_name:
-                    calls[by_name[call.name]].append((text, routine))
-        reached = reaching(motions, calls)
-        turns = (
-            (routine.file.source, loop) for routine in routines for loop in _turns_of(routine, self.turns, reached)
-        )
-        kinds = Counter(routine.name for routine in routines)
-        repeated = (
-            _repeated(routine, [text for text, _ in calls[routine]])
-            for routine in {routine: None for _, routine in motions}
-            if routine.kind == "def" and kinds[routine.name] == 1 and all(by is not routine for _, by in calls[routine])
-        )
-        words = (word for source in self.sources for word in _WORD.findall(source.text))
-        fresh = FreshNames(words, longest=MAX_NAME_LENGTH, reserved=RESERVED)
-        return written_out(self.sources, turns, [one for one in repeated if one is not None], fresh)
+    def copied(self, routine: Function) -> Repeated | None:
+        """A function of a name of its own that no thread runs, if its lines have no other statements."""
+        unit, head = routine.unit, routine.unit.head
+        run = (one for by in self.routines for line in by.lines if isinstance(line, Arming) for one in line.routines)
+        if unit.kind != "def" or len(self.program.by_name[routine.name]) > 1 or routine in run:
+            return None
+        assert head.end is not None
+        place = _own_lines(unit.source, (head.start, head.begins), (head.end.start, head.end.end))
+        if place is None:
+            return None
+        first, behind, name = place[0], place[3], head.words[1]
+        return Repeated(source=unit.source, at=behind, before="", span=(first, behind), name=(name.start, name.end))
 
     def visits(self) -> Iterable[Visit]:
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
-        numbers = self._holders.numbers_of
-        named = {name for site in self.sites for point in site.points for name in _names(point.slot)}
+        holders = self.holders
+        named = {key for site in self.sites for point in site.points for key in made_of(point.slot)}
         for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for point in site.points:
-                names = set(_names(point.slot))
+                keys = set(made_of(point.slot))
                 if point.literal is not None:
-                    text = self.sources[point.literal.file].text
-                    names = {name for start, end in point.literal.items for name in _WORD.findall(text, start, end)}
-                    yield Visit(number=number, target=point.literal[:2], place=move.place)
-                if point.feature is not None and point.feature[0] in named:  # a point, too, to which this one is beside
-                    names.add(point.feature[0])
-                for target in numbers(names):
+                    stated = point.literal.at[:2]
+                    keys = set(holders.items.get(stated, ()))
+                    yield Visit(number=number, target=stated, place=move.place)
+                # a point, too, to which this one is beside
+                if point.feature is not None and point.feature.key in named:
+                    keys.add(point.feature.key)
+                for target in holders.numbers_of(keys):
                     yield Visit(number=number, target=target, place=move.place)
-        for file, call in self.failing:
-            names = {name for argument in call.parts[:2] for name in _names(slot_of(argument)[0])}
-            for target in numbers(names):
-                yield Visit(number=None, target=target, place=self.sources[file].place(call.start))
+        for line in self.failing:
+            keys = {key for argument in line.points for key in made_of(slot_of(argument)[0])}
+            for target in holders.numbers_of(keys):
+                yield Visit(number=None, target=target, place=self.sources[line.at[0]].place(line.at[1]))
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
@@ -315,25 +196,43 @@ def _blend(ways: Iterable[float]) -> float:
     return min([PASSING_M, *(PASSING_SHARE * way for way in ways)])
 
 
-def _names(expression: Expression) -> Iterator[str]:
-    """Variables in an expression."""
-    return (plain_name(one.name) for one in inside(expression) if one.kind == "name")
+def _argument(line: MotionCall, name: str) -> tuple[int, int, str]:
+    """Where an argument stands, or is to stand, and what is to be written before its value."""
+    given = line.given.get(name)
+    return (line.at[2] - 1, line.at[2] - 1, f", {name}=") if given is None else (*given.at[1:], "")
 
 
-def _wanted(site: Site, waypoint: Waypoint) -> Iterator[tuple[Point, Six]]:
+def _is_plain(condition: Expression) -> bool:
+    """Whether no function in a condition may do more than give a value."""
+    return not any(
+        isinstance(one, Ask | Hole) or (isinstance(one, Op) and not has_value(one.sign)) for one in inside(condition)
+    )
+
+
+def _is_left(nodes: flow.Block) -> bool:
+    """Whether ``break`` or ``continue`` stands in a loop, or in loops in it."""
+    return any(
+        (isinstance(node, flow.Leave) and node.way in ("exit", "jump")) or any(map(_is_left, flow.bodies_of(node)))
+        for node in nodes
+    )
+
+
+def _wanted(site: Site, waypoint: Waypoint) -> Iterator[Six]:
     """Numbers for the points of a motion at a waypoint."""
     points = (waypoint,) if waypoint.via is None else (waypoint.via, waypoint)
     for point, one in zip(site.points, points, strict=True):
         values = point.wanted(one)
-        if one is not waypoint or not point.turns:  # an arc's first point has no orientation
-            values = (*values[:3], *point.values[3:])
-        yield point, values
+        turns = one is waypoint and point.turns  # an arc's first point has no orientation
+        yield values if turns else (*values[:3], *point.values[3:])
+
+
+def _decimals(point: Point) -> list[int]:
+    return [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
 
 
 def _text(point: Point, values: Six) -> str:
-    decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
-    text = ("" if point.joints else "p") + _brackets(values, decimals)
-    return text if point.feature is None or point.framed else f"pose_trans({point.feature[0]}, {text})"
+    text = ("" if point.joints else "p") + _brackets(values, _decimals(point))
+    return text if point.feature is None or point.framed else f"pose_trans({point.feature.name}, {text})"
 
 
 def _brackets(values: Six, decimals: Sequence[int]) -> str:
@@ -341,144 +240,86 @@ def _brackets(values: Six, decimals: Sequence[int]) -> str:
 
 
 @dataclass(eq=False, kw_only=True)
-class _Plan:
-    """What is to be written where."""
+class UrscriptSpelling(Spelling[Six]):
+    """What is written into the files; numbers of a point are six, in its feature or in the base.
+
+    No number is declared: an assignment states it, which runs. So a motion states its own.
+    """
 
     program: UrscriptProgram
-    edits: list[dict[tuple[int, int], TextEdit]]
-    """By file and place."""
-    conflicts: list[tuple[int, str]] = field(default_factory=list[tuple[int, str]])
 
-    @classmethod
-    def of(cls, program: UrscriptProgram, waypoints: Mapping[int, tuple[Waypoint, ...]]) -> "_Plan":
-        """The plan for some motions."""
-        plan = cls(program=program, edits=[{} for _ in program.sources])
-        paths = {i: path for i, path in waypoints.items() if not program.motions[i].stays(path)}
-        at_literals: dict[Literal, list[tuple[int, int, Six | None]]] = defaultdict(list)
-        for i, site in enumerate(program.sites):
-            wanted = list(_wanted(site, paths[i][-1])) if i in paths else []
-            for k, point in enumerate(site.points):
-                if point.literal is not None:
-                    at_literals[point.literal].append((i, k, wanted[k][1] if wanted else None))
-        by_literal = {
-            (i, k) for literal, wants in at_literals.items() if plan._agreed(literal, wants) for i, k, _ in wants
-        }
-        texts: dict[tuple[int, int], list[int]] = defaultdict(list)
-        for i, site in enumerate(program.sites):
-            texts[site.text].append(i)
-        for group in texts.values():
-            plan._own_text(group, paths, by_literal)
-        return plan
+    def alike(self, one: Six, other: Six) -> bool:
+        """Whether numbers differ by less than is written."""
+        return one is other or all(abs(a - b) < NUMBER_TOLERANCE for a, b in zip(one, other, strict=True))
 
-    def _agreed(self, literal: Literal, wants: Sequence[tuple[int, int, Six | None]]) -> bool:
-        """Write numbers where the text states them, if all motions to them want the same."""
-        holders = self.program._holders  # pyright: ignore[reportPrivateUsage]
-        given = holders.of_literal.get(literal[:2])
-        if given in holders.read_at_last:
-            return False
-        (first, k, values), *others = wants
-        if values is None or any(want is None or not _alike(values, want) for _, _, want in others):
-            return False
-        point = self.program.sites[first].points[k]
-        text = self.program.sources[literal.file].text
-        decimals = [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
-        for (start, end), was, value, places in zip(literal.items, point.values, values, decimals, strict=True):
-            edit = TextEdit(start=start, end=end, text=renumbered(text[start:end], was, value, places))
-            if edit.text != text[start:end]:
-                self.edits[literal.file][start, end] = edit
-        return True
+    def reader(self, slot: Origin, texts: Collection[Span]) -> str:
+        """What reads the variable that gets numbers for something else than a motion's target."""
+        return "others" if self.program.holders.of_literal.get(slot.at[:2]) in self.program.holders.read_at_last else ""
 
-    def _own_text(
-        self, group: Sequence[int], paths: Mapping[int, tuple[Waypoint, ...]], by_literal: set[tuple[int, int]]
-    ) -> None:
-        """Write numbers into the text of a motion, if all that it stands for want the same."""
-        program = self.program
-        changing = [i for i in group if i in paths]
-        divided = [i for i in changing if len(paths[i]) > 1]
-        if len(group) > 1 and divided:
-            self.conflicts += [(i, _several(group)) for i in divided]
-            return
-        for k in range(len(program.sites[group[0]].points)):
-            left = [i for i in changing if (i, k) not in by_literal]
-            point = program.sites[group[0]].points[k]
-            if point.feature is not None and not point.named and (left or divided):
-                why = f"its feature {point.feature[0]} is not known where it stands, so that it cannot state its own target there"
-                self.conflicts += [(i, why) for i in left or divided]
-                continue
-            if not left:
-                continue
-            wanted = [list(_wanted(program.sites[i], paths[i][-1]))[k] for i in left]
-            point, values = wanted[0]
-            if len(left) < len(group) or not all(_alike(values, other) for _, other in wanted):
-                self.conflicts += [(i, _several(group)) for i in left]
-                continue
-            site, slot = program.sites[group[0]], point.slot
-            edit = TextEdit(start=slot.start, end=slot.end, text=_text(point, values))
-            self.edits[site.file.number][slot.start, slot.end] = edit
+    def in_place(self, use: Use[Six]) -> None:
+        """Change each number that differs."""
+        assert use.slot is not None
+        file, start, end = use.slot.at
+        text, decimals = self.sources[file].text, _decimals(use.point)
+        for (first, behind), was, value, places in zip(
+            _items(text, start, end), use.numbers, use.wanted, decimals, strict=True
+        ):
+            new = renumbered(text[first:behind], was, value, places)
+            self.edits[file] += [TextEdit(start=first, end=behind, text=new)] if new != text[first:behind] else []
+
+    def own(self, use: Use[Six]) -> str:
+        """Brackets, in the feature that the motion is on."""
+        return _text(use.point, use.wanted)
+
+    def obstacle(self, use: Use[Six]) -> str:
+        """That its feature cannot be named."""
+        feature = use.point.feature
+        if feature is None or use.point.named:
+            return ""
+        return f"its feature {feature.name} is not known where it stands, so that it cannot state its own target there"
+
+    def insert(self, number: int, path: Sequence[Waypoint]) -> None:
+        """Write the motion's own text with other targets, passing by them."""
+        site = self.program.sites[number]
+        source, (file, start, end), radius = self.sources[site.file], site.line.at, _passing(path)
+        first, behind, before = _argument(site.line, "r")
+        passing = TextEdit(start=first, end=behind, text=f"{before}{radius:.5f}")
+        texts = [
+            source.piece(start, end, [
+                *(TextEdit(start=point.slot.at[1], end=point.slot.at[2], text=_text(point, wanted))
+                  for point, wanted in zip(site.points, _wanted(site, waypoint), strict=True)),
+                passing,
+            ]) + source.newline + source.indent(start)
+            for waypoint in path[:-1]
+        ]  # fmt: skip
+        self.edits[file].append(TextEdit(start=start, end=start, text="".join(texts)))
 
 
-def _several(group: Sequence[int]) -> str:
-    return f"its text stands for {len(group)} motions, which need different numbers"
-
-
-def _alike(one: Six, other: Six) -> bool:
-    return all(abs(a - b) < NUMBER_TOLERANCE for a, b in zip(one, other, strict=True))
+def _items(text: str, start: int, end: int) -> Iterator[tuple[int, int]]:
+    """Places of numbers in brackets."""
+    opening = text.index("[", start, end) + 1
+    found = [word for word in words(WORD, text[opening : end - 1], opening) if word.kind != "newline"]
+    for item in parted(found, ","):
+        yield item[0].start, item[-1].end
 
 
 # Text that stands for several motions, written out.
 
 
-def _own_lines(file: File, start: int, begins: int) -> tuple[int, int, int, int] | None:
+def _own_lines(source: Source, head: tuple[int, int], end: tuple[int, int]) -> tuple[int, int, int, int] | None:
     """Lines of a block: where its header begins and ends, and its end; None where other statements stand in these.
 
     Args:
-        file: of the block.
-        start: first character of its header.
-        begins: behind its colon.
+        source: of the block.
+        head: first character of its header, and behind its colon.
+        end: the same of its end.
     """
-    text, end = file.source.text, file.ends[start]
-    behind_header = REST_OF_LINE.match(text, begins)
-    behind = REST_OF_LINE.match(text, end.end)
-    first, last = (text.rfind("\n", 0, place) + 1 for place in (start, end.start))
-    if behind_header is None or behind is None or text[first:start].strip() or text[last : end.start].strip():
+    text = source.text
+    behind_header, behind = (REST_OF_LINE.match(text, place) for place in (head[1], end[1]))
+    first, last = (text.rfind("\n", 0, place) + 1 for place in (head[0], end[0]))
+    if behind_header is None or behind is None or text[first : head[0]].strip() or text[last : end[0]].strip():
         return None
     return first, behind_header.end(), last, behind.end()
-
-
-def _turns_of(
-    routine: Routine, turns: Mapping[Loop, tuple[float, ...] | None], shared: Container[tuple[int, int]]
-) -> Iterator[Turns]:
-    """Loops of a routine around some calls that can be written turn by turn."""
-    file = routine.file
-
-    def is_shared(line: Statement) -> bool:
-        return any((file.number, call.start) in shared for call in line.calls)
-
-    for loop, taken in loops_to_write(routine.body.nodes, turns, is_shared, lambda _: True):
-        place = _own_lines(file, loop.line.start, loop.line.end)
-        if place is None or any(call.name not in FUNCTIONS for call in loop.line.calls):
-            continue  # a function in its head may do more
-        first, begins, last, behind = place
-        if any(first <= one.start < behind for one in file.routines if one.kind):
-            continue
-        if any(line.kind in ("break", "continue") for line in lines_in(loop.body)):
-            continue
-        yield Turns(start=first, end=behind, body=(begins, last), before=("",) * len(taken), after="")
-
-
-def _repeated(routine: Routine, calls: Sequence[tuple[int, int]]) -> Repeated | None:
-    """A function of which each call but the first gets a copy; None where its lines have other statements."""
-    file, start = routine.file, routine.start
-    place = _own_lines(file, start, routine.begins)
-    if place is None:
-        return None
-    source, (first, _, _, behind) = file.source, place
-    name = source.text.index(routine.name, start + len(routine.kind))
-    own = [at for number, at in calls if number == file.number]
-    return Repeated(
-        source=source, at=behind, before="", span=(first, behind), name=(name, name + len(routine.name)),
-        calls=tuple((source, (at, at + len(routine.name))) for at in own[len(own) == len(calls) :]),
-    )  # fmt: skip
 
 
 # A new URScript program of given motions.

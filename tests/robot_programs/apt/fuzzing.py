@@ -16,4 +16,8 @@ LANGUAGE = Language(
     read=lambda sources: read_apt(sources, tool=Frame(name="mill", T=np.eye(4))),
     waypoints=lambda rng, program: nearby_waypoints(rng, program, most=3),
     robot=load_robot("abb-irb120"),
+    place=(0.0, 2e-8),
+    turn=2e-6,
+    joints=0.0,
+    leans=lambda program, number: program.instructions[number].relative or program.instructions[number].half,
 )

@@ -112,7 +112,8 @@ def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> d
             waypoints[number] = (_waypoint(move, shift),)
             continue
         count = int(rng.integers(1, most + 1))
-        waypoints[number] = tuple(_waypoint(replace(move, kind="linear", via=None), shift) for _ in range(count))
+        line = move if move.via is None else replace(move, kind="linear", via=None)
+        waypoints[number] = tuple(_waypoint(line, shift) for _ in range(count))
     return waypoints
 
 

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from robot_programs.core.program import Motion, Program, Target, Waypoint
-from taskcal.geometry import se3
-
 _HEADERS = (
     ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"],
     ["x_mm", "y_mm", "z_mm", "i", "j", "k"],
@@ -34,26 +31,3 @@ def generate(rng: np.random.Generator) -> bytes:
     newline = str(rng.choice(["\n", "\r\n"]))
     text = newline.join(lines) + str(rng.choice(["", newline]))
     return text.encode(str(rng.choice(["utf-8", "utf-8-sig", "latin-1"])))
-
-
-def nearby_waypoints(rng: np.random.Generator, program: Program, most: int) -> dict[int, tuple[Waypoint, ...]]:
-    """New waypoints near the ends of some motions."""
-    return {
-        number: tuple(_waypoint(rng, move) for _ in range(int(rng.integers(1, most + 1))))
-        for number, move in enumerate(program.motions)
-        if rng.random() < 0.5
-    }
-
-
-def _waypoint(rng: np.random.Generator, move: Motion) -> Waypoint:
-    via = None if move.via is None else _near(rng, move, move.via)
-    near = _near(rng, move, move.end)
-    return Waypoint(kind=near.kind, q=near.q, T=near.T, via=via)
-
-
-def _near(rng: np.random.Generator, move: Motion, target: Target) -> Waypoint:
-    if target.T is None:
-        assert target.q is not None
-        return Waypoint(kind="axes", q=target.q + rng.uniform(1e-3, 0.1, len(target.q)), T=None)
-    shift = se3.pose(se3.exp(rng.uniform(1e-3, 0.1, 3)), rng.uniform(1e-5, 0.01, 3))
-    return Waypoint(kind=move.kind, q=np.zeros(6), T=target.T @ shift)

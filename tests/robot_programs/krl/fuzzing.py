@@ -1,12 +1,13 @@
 """KRL for `tests.robot_programs.fuzz`."""
 
+from functools import partial
+
 import numpy as np
 
 from robot_programs.krl.read import KrlProgram, read_krl
-from taskcal.robot.catalogue import load_robot
-from tests.robot_programs.fuzz import Language
+from tests.robot_programs.fuzz import Language, nearby_waypoints
 from tests.robot_programs.krl.generator import generate
-from tests.robot_programs.krl.rewriting import Q, nearby_waypoints
+from tests.robot_programs.krl.samples import ROBOT, Q
 
 
 def _posture(program: KrlProgram, number: int) -> np.ndarray | None:
@@ -18,7 +19,12 @@ def _posture(program: KrlProgram, number: int) -> np.ndarray | None:
 LANGUAGE = Language(
     generate=lambda rng: generate(rng).sources,
     read=read_krl,
-    waypoints=lambda rng, program: nearby_waypoints(rng, program, most=2),
+    waypoints=partial(nearby_waypoints, postures=True),
     posture=_posture,
-    robot=load_robot("kuka-kr16-2"),
+    robot=ROBOT,
+    place=(0.0, 1.1e-8),
+    turn=5e-8,
+    joints=1.1e-8,
+    postures=True,
+    leans=lambda program, number: program.sites[number].leans,
 )

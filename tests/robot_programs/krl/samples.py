@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from robot_programs.core.source import Source
+from robot_programs.krl.read import KrlProgram, read_krl
+from taskcal.robot.catalogue import load_robot
 
 HANDLING_SRC = """\
 &ACCESS RVP
@@ -129,3 +133,26 @@ def handling(newline: str = "\r\n") -> list[Source]:
 
 def milling(newline: str = "\r\n") -> list[Source]:
     return [source("MILLING.SRC", MILLING_SRC, newline), source("$CONFIG.DAT", CONFIG_DAT, newline)]
+
+
+FRAMES = "$TOOL={X 0,Y 0,Z 100,A 0,B 0,C 0}\n$BASE=$NULLFRAME\n"
+
+
+POSE = "{X 900,Y 0,Z 800,A 0,B 90,C 0}"
+
+
+def read(body: str, dat: str = "", config: str = CONFIG_DAT, more: str = "") -> KrlProgram:
+    sources = [source("part.src", f"DEF PART( )\n{body}\nEND\n{more}")]
+    if dat:
+        sources.append(source("part.dat", f"DEFDAT PART\n{dat}\nENDDAT\n"))
+    return read_krl([*sources, source("$config.dat", config)])
+
+
+def texts(program: KrlProgram) -> list[str]:
+    return [str(diagnostic) for diagnostic in program.diagnostics]
+
+
+ROBOT = load_robot("kuka-kr16-2")
+
+Q = np.radians([5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
+"""Joint positions of all of them: they decide status and turn only."""

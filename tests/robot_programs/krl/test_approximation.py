@@ -5,8 +5,7 @@ import pytest
 
 from robot_programs.core.program import THROUGH_TARGET
 from robot_programs.krl.read import read_krl
-from tests.robot_programs.krl.samples import handling
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read
+from tests.robot_programs.krl.samples import FRAMES, POSE, handling, read
 
 
 def sizes(program):

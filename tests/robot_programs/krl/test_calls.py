@@ -1,11 +1,9 @@
-"""Calls of KRL routines: a call leaves what the routine's lines would leave in its place."""
+"""Calls of KRL routines, and what runs beside the lines: a call leaves what the routine's lines would leave in its place."""
 
-import numpy as np
 import pytest
 
 from robot_programs.krl.read import read_krl
-from tests.robot_programs.krl.samples import source
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
+from tests.robot_programs.krl.samples import CONFIG_DAT, FRAMES, POSE, read, source, texts
 
 SETTINGS = """\
 DEF SETTINGS (NBASE :IN,NTOOL :IN,SPEED :IN)
@@ -35,17 +33,8 @@ def test_a_routine_sets_what_its_parameters_say():
     ]
 
 
-def test_motions_are_followed_into_routines_and_out_of_them():
-    more = f"DEF FIRST( )\nLIN {POSE}\nSECOND( )\nLIN {POSE}\nEND\nDEF SECOND( )\nLIN {HIGH}\nEND\nDEF IDLE( )\nWAIT SEC 1\nEND\n"
-    program = read(f"{FRAMES}PTP {POSE}\nFIRST( )\nIDLE( )\nLIN {HIGH}", more=more)
-    home, last, first, behind, second = range(5)
-    assert [move.follows for move in program.motions] == [None, behind, home, second, first]
-    assert not texts(program)
-    assert last == 1
-
-
 def test_variable_given_by_value_in_a_condition_stays_known():
-    more = "DEFFCT BOOL NEAR(P :IN)\nDECL E6POS P\nRETURN $IN[1]\nENDFCT\n"
+    more = "DEFFCT BOOL NEAR(P :IN)\nDECL E6POS P\nP.Z=0\nRETURN $IN[1]\nENDFCT\n"
     body = f"DECL E6POS P\n{FRAMES}P={POSE}\nIF NEAR(P) THEN\nHALT\nENDIF\nLIN P"
     assert len(read(body, more=more).motions) == 1
     assert not read(body, more=more.replace(" :IN", "")).motions
@@ -58,20 +47,10 @@ def test_relative_point_counts_across_calls():
     assert [move.follows for move in program.motions] == [None, 2, 0]
 
 
-def test_call_with_other_arguments_is_another_motion():
-    """A text stands for a motion of each call that gives it something else."""
+def test_call_with_the_same_arguments_is_the_same_motion():
     routine = "DEF TO(P :IN)\nDECL E6POS P\nLIN P\nEND\n"
-    points = f"DECL E6POS XP1={POSE}\nDECL E6POS XP2={HIGH}"
-    program = read(f"{FRAMES}TO(XP1)\nTO(XP1)", dat=points, more=routine)
-    (move,) = program.motions
-    np.testing.assert_allclose(move.end.T[:3, 3], [0.9, 0, 0.8])
-    assert move.follows is None
-    program = read(f"{FRAMES}TO(XP1)\nTO(XP2)", dat=points, more=routine)
-    assert [round(float(move.end.T[2, 3]), 9) for move in program.motions] == [0.8, 0.9]
-    assert [(move.follows, move.texts_motions, move.divisible) for move in program.motions] == [
-        (None, 2, False),
-        (0, 2, False),
-    ]
+    (move,) = read(f"{FRAMES}TO(XP1)\nTO(XP1)", dat=f"DECL E6POS XP1={POSE}", more=routine).motions
+    assert (move.end.T[2, 3], move.follows) == (pytest.approx(0.8), None)
 
 
 @pytest.mark.parametrize(("mode", "known"), [("IN", True), ("OUT", False), ("", False)])
@@ -79,6 +58,36 @@ def test_what_is_given_by_value_stays(mode, known):
     routine = f"DEF TAKE(P{' :' + mode if mode else ''})\nDECL E6POS P\nP.Z=0\nEND\n"
     program = read(f"{FRAMES}TAKE(XP1)\nLIN XP1", dat=f"DECL E6POS XP1={POSE}", more=routine)
     assert len(program.motions) == known
+
+
+@pytest.mark.parametrize(
+    ("call", "routine", "known"),
+    [
+        ("SUB(XG)", "XG.Z=0\nLIN P\nP.X=1", False),
+        ("SUB(XG)", "P.Z=P.Z+50\nLIN XG", False),
+        ("TWO(XG,XG)", "P.Z=0\nLIN Q", False),
+        ("TWO(XG,XH)", "P.Z=0\nLIN Q", True),
+        ("SUB(XG)", "LIN P", True),
+    ],
+)
+def test_what_has_two_names_in_a_routine_is_not_known_by_the_other(call, routine, known):
+    """What is passed by reference is the caller's variable, which may be set by its own name, or by another parameter."""
+    more = f"DEF SUB(P :OUT)\nDECL E6POS P\n{routine}\nEND\nDEF TWO(P :OUT,Q :OUT)\nDECL E6POS P,Q\n{routine}\nEND\n"
+    dat = f"DECL GLOBAL E6POS XG={POSE}\nDECL GLOBAL E6POS XH={POSE}"
+    own = "SUB" if call.startswith("SUB") else "TWO"
+    program = read(f"{FRAMES}XG={POSE}\nXH={POSE}\n{call}", dat=dat, more=more)
+    assert sum(move.routine == own for move in program.motions) == known
+
+
+@pytest.mark.parametrize(
+    "line", ["IF LIFT( ) THAN\nENDFOR", "BAS(#VEL_PTP,LIFT( ))", "OK=LIFT( ) 5", "FOR LIFT( )\nENDFOR"]
+)
+def test_a_function_in_a_line_that_is_not_understood_is_called(line):
+    """It is no program of its own: what holds where it begins is not known, and what it sets is not known behind it."""
+    function = f"DEFFCT BOOL LIFT( )\n$BASE=BASE_DATA[1]\nLIN {HIGH}\nRETURN TRUE\nENDFCT\n"
+    program = read(f"BOOL OK\n{FRAMES}LIN {POSE}\n{line}\nLIN {POSE}", more=function)
+    assert [move.place.line for move in program.motions] == [5] * (len(program.motions))
+    assert any("LIFT" in text or "not match" in text for text in texts(program))
 
 
 def test_a_routine_that_calls_itself_ends():
@@ -134,3 +143,134 @@ def test_routines_of_one_name_in_two_files_count_as_one():
     )
     assert [m.routine for m in read_krl([one]).motions] == ["ONE"]
     assert not read_krl([one, two]).motions
+
+
+# Actions that run beside the lines: from where they start to where they end, nothing that they set can be trusted.
+
+
+DECLARED = "INTERRUPT DECL 5 WHEN $IN[1] DO FOUND( )\n"
+FOUND = "DEF FOUND( )\n$BASE=BASE_DATA[1]\nEND\n"
+LINE = f"LIN {POSE}\n"
+AT_X = "LIN {X X,Y 0,Z 800,A 0,B 90,C 0}\n"
+
+
+def lines(body: str, more: str = FOUND, dat: str = "") -> list[int]:
+    """Lines of the body whose motions are read, counted from 0."""
+    return [move.place.line - 2 for move in read(body, more=more, dat=dat).motions]
+
+
+@pytest.mark.parametrize("number", [" 5", ""])
+def test_interrupt_that_sets_base_counts_from_on_to_next_base(number):
+    body = f"{DECLARED}{FRAMES}{LINE}INTERRUPT ON{number}\n{FRAMES}{LINE}INTERRUPT OFF{number}\n{LINE}{FRAMES}{LINE}"
+    assert lines(body) == [3, 12]
+    refused = texts(read(body, more=FOUND))
+    assert [text.partition(":")[2].partition(":")[0] for text in refused] == ["9", "11"]
+    assert "$BASE may be set at any time by FOUND, which the interrupt of part.src:2 calls" in refused[0]
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "wanted"),
+    [
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}", FOUND.replace("$BASE=", "$TOOL=TOOL_DATA[1]\n$BASE="), []),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}", FOUND.replace("$BASE", "$OUT[1]"), [4]),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}$IPO_MODE=#BASE\n{LINE}", "DEF FOUND( )\n$IPO_MODE=#TCP\nEND\n", []),
+        (f"{DECLARED}INTERRUPT ON 6\n{FRAMES}{LINE}", FOUND, [4]),
+        (f"{DECLARED}INTERRUPT ON 5\nINTERRUPT DISABLE 5\n{FRAMES}{LINE}INTERRUPT ENABLE 5\n{LINE}", FOUND, [5]),
+        (f"{DECLARED}INTERRUPT ON 5\n{FRAMES}PTP {{A1 0,A2 -90,A3 90,A4 0,A5 30,A6 0}}", FOUND, [4]),
+        (f"{DECLARED}{FRAMES}WHILE $IN[7]\n{LINE}INTERRUPT ON 5\nENDWHILE\n{LINE}", FOUND, []),
+        (f"INTERRUPT WITH BRAKE DECL 5 WHEN $IN[1] DO FOUND\nINTERRUPT ON 5\n{FRAMES}{LINE}", FOUND, []),
+        (f"INTERRUPT DECL 5 WHEN $IN[1] DO $BASE=BASE_DATA[1]\nINTERRUPT ON 5\n{FRAMES}{LINE}", "", []),
+        (f"GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\nGLOBAL {DECLARED}INTERRUPT ON 5\nEND\n", []),
+        (f"GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\n{DECLARED}INTERRUPT ON 5\nEND\n", [3]),
+        (f"{DECLARED}GO( )\n{FRAMES}{LINE}", f"{FOUND}DEF GO( )\nINTERRUPT ON 5\nEND\n", []),
+        (
+            f"{DECLARED}INTERRUPT ON 5\n{FRAMES}{LINE}",
+            f"DEF FOUND( )\nSET( )\nEND\n{FOUND.replace('FOUND', 'SET')}",
+            [],
+        ),
+    ],
+)
+def test_interrupts_count_where_they_are_on(body, more, wanted):
+    assert lines(body, more) == wanted
+
+
+def test_interrupt_number_of_a_data_list_is_known():
+    body = f"{DECLARED.replace('5', 'N')}INTERRUPT ON N\n{FRAMES}{LINE}INTERRUPT OFF N\n{FRAMES}{LINE}"
+    assert lines(body, dat="DECL CONST INT N=5") == [8]
+    assert lines(f"N=6\n{body}", dat="DECL INT N=5") == []
+
+
+def test_interrupt_that_resumes_leaves_what_it_set():
+    found = FOUND.replace("END", "RESUME\nEND")
+    search = f"DEF SEARCH( )\nINTERRUPT ON 5\nLOOP\n{LINE}ENDLOOP\nEND\n"
+    body = f"{DECLARED}{FRAMES}SEARCH( )\n$BASE=$NULLFRAME\n{LINE}"
+    assert lines(body, found + search) == []
+    assert lines(f"{body}INTERRUPT OFF 5\n$BASE=$NULLFRAME\n{LINE}", found + search) == [8]
+
+
+def test_interrupt_that_changes_base_data_makes_it_unknown():
+    body = f"{DECLARED}INTERRUPT ON 5\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}"
+    program = read(body, more="DEF FOUND( )\nBASE_DATA[1].X=5\nEND\n")
+    assert not program.motions
+    assert "BASE_DATA[1] is changed by the program, at part.src:10" in texts(program)[0]
+
+
+def test_submit_program_that_changes_base_data_makes_it_unknown():
+    part = f"DEF PART( )\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n{LINE}END\n"
+    submit = "DEF SPS( )\nBASE_DATA[1].X=5\nEND\n"
+    sources = [source("part.src", part), source("$config.dat", CONFIG_DAT)]
+    assert not read_krl([*sources, source("sps.sub", submit)]).motions
+    assert len(read_krl([*sources, source("other.src", submit)]).motions) == 1
+
+
+def test_variable_handed_to_interrupt_is_unknown_while_on():
+    declared = DECLARED.replace("( )", "(P)")
+    body = f"DECL E6POS P\n{declared}{FRAMES}INTERRUPT ON 5\nP={POSE}\nLIN P\nINTERRUPT OFF 5\nP={POSE}\nLIN P"
+    assert lines(body, "DEF FOUND(Q :OUT)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [9]
+    assert lines(body, "DEF FOUND(Q :IN)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [6, 9]
+
+
+def test_distance_counts_from_nowhere_where_interrupt_moves():
+    body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\n{LINE}LIN_REL {{Z 5}}"
+    assert lines(body, "DEF FOUND( )\nPTP {A1 5}\nEND\n") == [4]
+    assert lines(body, "DEF FOUND( )\nBRAKE\nEND\n") == [4, 5]
+
+
+def test_trigger_sets_base_at_a_time_that_is_unknown():
+    body = f"{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO FOUND( ) PRIO=-1\n{LINE}$BASE=$NULLFRAME\n{LINE}"
+    assert lines(body) == []
+    assert lines(body.replace("FOUND( ) PRIO=-1", "$OUT[1]=TRUE")) == [3, 5]
+    body = f"DECL REAL X\nX=900\n{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO X=800\n{AT_X}"
+    assert "X may be set at any time by the TRIGGER of part.src:6" in texts(read(body))[0]
+
+
+@pytest.mark.parametrize("dat", ["", "DECL REAL X=900.0"])
+def test_analog_signal_is_unknown_until_assigned_after_off(dat):
+    """Followed analog signal is unknown until assigned after off."""
+    declared = "" if dat else "DECL REAL X\n"
+    body = f"{FRAMES}X=900\nANIN ON X=1.0*SENSOR+0.5\nX=900\n{AT_X}ANIN OFF SENSOR\n{AT_X}X=900\n{AT_X}"
+    (first,) = texts(read(declared + body, dat=dat))[:1]
+    assert f"X may be set at any time by the ANIN of part.src:{6 - bool(dat)}" in first
+    assert lines(declared + body, dat=dat) == [10 - bool(dat)]
+    assert lines(declared + body.replace("OFF SENSOR", "OFF OTHER"), dat=dat) == []
+
+
+def test_followed_analog_signal_overrides_the_data_list():
+    program = read(f"{FRAMES}ANIN ON X=1.0*SENSOR\n{AT_X}", dat="DECL REAL X=900.0")
+    assert not program.motions
+
+
+def test_what_the_files_miss_of_interrupts_is_named():
+    body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\nINTERRUPT ON 7\nTRIGGER WHEN DISTANCE=0 DELAY=0 DO MARK( )\n{LINE}"
+    program = read(body)
+    assert len(program.motions) == 1
+    said = " ".join(texts(program))
+    assert "FOUND is not in the files given; the INTERRUPT that calls it" in said
+    assert "interrupt 7 is declared in none of the files given" in said
+    assert "MARK is not in the files given; the TRIGGER that calls it" in said
+
+
+def test_interrupt_of_the_controller_itself_is_known():
+    body = f"GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\nINTERRUPT ON 3\n{FRAMES}{LINE}"
+    program = read(body)
+    assert (len(program.motions), texts(program)) == (1, [])

@@ -5,36 +5,36 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_programs.core.form import Routine
+from robot_programs.core.interpreter import Moment, Walker, interpreted
 from robot_programs.core.program import Unresolved
-from robot_programs.krl.data import pose
-from robot_programs.krl.syntax import Aggregate, Reference, lines_of_words
-from robot_programs.krl.values import evaluated, inverse, is_whole, name_of, number_of, product, structure, values_of
+from robot_programs.core.values import Structure
+from robot_programs.krl.data import File, Names
+from robot_programs.krl.lower import Scope, lowered
+from robot_programs.krl.meaning import KrlMeaning
+from robot_programs.krl.syntax import lines_of_words
+from robot_programs.krl.values import ARRAY, Real, frame_of, inverse, is_whole, position, product
 from tests.laws.robots import generators
+from tests.robot_programs.krl.samples import source
 
-POINT = structure("POS", {"X": 10.0, "Y": 0.0, "Z": 0.0})
+POINT = position("POS", {"X": 10.0, "Y": 0.0, "Z": 0.0})
 VALUES = {
     "A": 2.0,
-    "B1": -3.5,
+    "B1": Real(-3.5),
     "OK": True,
-    "P[2]": structure("E6POS", {"X": 10.0, "S": 2.0}),
+    "P": Structure(kind=ARRAY, parts={2: position("E6POS", {"X": 10.0, "S": 2.0})}),
     "MODE": "#BASE",
     "POINT": POINT,
 }
-
-
-class Table:
-    def value(self, name):
-        if name not in VALUES:
-            raise Unresolved(f"{name} is not known")
-        return VALUES[name]
-
-
-def words(text):
-    return next(lines_of_words(text), [])
+FILES = (File.of(0, source("part.src", "DEF PART( )\nEND\n")),)
+FORM = lowered(Names(files=FILES))
+FLOW = interpreted(list(FORM.routines.values()), KrlMeaning(lowered=FORM, given_frames={}))
 
 
 def value(text):
-    return evaluated(words(text), Table())
+    """Value of an expression where `VALUES` hold."""
+    expression = Scope(next(iter(FORM.routines)), FORM).expression(next(lines_of_words(text), []))
+    return Walker(flow=FLOW, routine=Routine(name="PART"), inside=()).value(expression, Moment(variables=VALUES))
 
 
 numbers = st.sampled_from(["1.5", "2", "A", "B1", "0.25"])
@@ -101,42 +101,38 @@ def test_the_geometric_operator_multiplies_poses(rng):
         for _ in range(3)
     ]
     frames = [value(text) for text in texts]
-    got = value(":".join(texts))
-    assert isinstance(got, Aggregate)
-    expected = np.linalg.multi_dot([pose(frame) for frame in frames])
-    np.testing.assert_allclose(pose(got), expected, atol=1e-12)
+    expected = np.linalg.multi_dot([frame_of(frame) for frame in frames])
+    np.testing.assert_allclose(frame_of(value(":".join(texts))), expected, atol=1e-12)
 
 
 def test_a_product_has_the_status_of_its_right_factor():
     zero = {"X": 0.0, "Y": 0.0, "Z": 0.0, "A": 0.0, "B": 0.0, "C": 0.0}
-    left, right = structure("E6POS", {**zero, "S": 2.0, "T": 10.0}), structure("POS", {**zero, "S": 6.0})
-    assert values_of(product(left, right)) == {**zero, "S": 6.0}
+    left, right = position("E6POS", {**zero, "S": 2.0, "T": 10.0}), position("POS", {**zero, "S": 6.0})
+    assert product(left, right).parts == {**zero, "S": 6.0}
     with pytest.raises(Unresolved, match="external axes"):
-        product(structure("E6POS", {**zero, "E1": 5.0}), right)
+        product(position("E6POS", {**zero, "E1": 5.0}), right)
     with pytest.raises(Unresolved, match="must be FRAME or POS"):
-        product(structure("E6AXIS", {"A1": 0.0}), right)
+        product(position("E6AXIS", {"A1": 0.0}), right)
 
 
-def test_names_have_their_index_as_a_number():
-    index = (tuple(words("A+1")), tuple(words("2")))
-    assert name_of(Reference(name="Q[A+1,2]", start=0, end=0, index=index), Table()) == "Q[3,2]"
-    with pytest.raises(Unresolved, match="which element of Q is meant"):
-        name_of(Reference(name="Q[C]", start=0, end=0, index=(tuple(words("C")),)), Table())
-    with pytest.raises(Unresolved, match="'OK' is not a number"):
-        number_of(words("OK"), Table())
+def test_an_element_is_that_of_its_index():
+    with pytest.raises(Unresolved, match="which element of P is meant"):
+        value("P[C]")
+    with pytest.raises(Unresolved, match="a number is expected"):
+        value("P[OK]")
 
 
 def test_a_structure_is_whole_or_says_nothing_of_a_kind():
-    assert is_whole(structure("", {"TOOL_NO": 1.0}))
-    assert not is_whole(structure("", {"X": 1.0}))
-    assert not is_whole(structure("", {"A1": 1.0, "A2": 0.0}))
+    assert is_whole(position("", {"TOOL_NO": 1.0}))
+    assert not is_whole(position("", {"X": 1.0}))
+    assert not is_whole(position("", {"A1": 1.0, "A2": 0.0}))
 
 
 @given(generators)
 def test_inv_pos_gives_the_inverse_frame(rng):
     """Homogeneous transformations, with R = Rz(A) Ry(B) Rx(C)."""
     values = dict(zip("XYZABC", [*rng.uniform(-2000, 2000, 3), *rng.uniform(-180, 180, 3)], strict=True))
-    frame = structure("FRAME", values)
+    frame = position("FRAME", values)
     (cA, cB, cC), (sA, sB, sC) = (f(np.radians([values[n] for n in "ABC"])) for f in (np.cos, np.sin))
     T = np.eye(4)
     T[:3, :3] = [
@@ -145,5 +141,5 @@ def test_inv_pos_gives_the_inverse_frame(rng):
         [-sB, cB * sC, cB * cC],
     ]
     T[:3, 3] = [values[n] / 1e3 for n in "XYZ"]
-    np.testing.assert_allclose(pose(inverse(frame)), np.linalg.inv(T), atol=1e-9)
-    np.testing.assert_allclose(pose(product(frame, inverse(frame))), np.eye(4), atol=1e-9)
+    np.testing.assert_allclose(frame_of(inverse(frame)), np.linalg.inv(T), atol=1e-9)
+    np.testing.assert_allclose(frame_of(product(frame, inverse(frame))), np.eye(4), atol=1e-9)

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.errors import InputError
 from robot_programs.core.program import missing_from
 from robot_programs.core.robot import NO_ROBOT
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from robot_programs.reading import parse_program
+from taskcal_groundwork.errors import InputError
 
 TEXT = """DEF PART( )
 BAS(#INITMOV,0)

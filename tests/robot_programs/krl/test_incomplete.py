@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Waypoint
+from robot_programs.krl.read import read_krl
 from taskcal.geometry import se3
-from taskcal.robot.catalogue import load_robot
-from tests.robot_programs.krl.rewriting import nearby
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
-
-ROBOT = load_robot("kuka-kr16-2")
+from tests.robot_programs.fuzz import nearby
+from tests.robot_programs.krl.samples import CONFIG_DAT, FRAMES, POSE, ROBOT, read, source, texts
 
 
 def ends(body: str) -> np.ndarray:
@@ -133,9 +131,6 @@ def test_components_of_the_parameters_count():
 
 def test_what_the_controller_s_own_routine_changes_is_known():
     bas = "GLOBAL DEF BAS( )\nTOOL_DATA[1]=X\nEND\n"
-    from robot_programs.krl.read import read_krl
-    from tests.robot_programs.krl.samples import CONFIG_DAT, source
-
     program = read_krl(
         [
             source("part.src", f"DEF PART( )\nBAS(#TOOL,1)\nBAS(#BASE,0)\nLIN {POSE}\nEND\n"),

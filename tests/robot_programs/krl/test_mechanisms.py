@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.robot_programs.krl.rewriting import ROBOT, nearby
-from tests.robot_programs.krl.samples import CONFIG_DAT
-from tests.robot_programs.krl.small_programs import POSE, read, texts
+from tests.robot_programs.fuzz import nearby
+from tests.robot_programs.krl.samples import CONFIG_DAT, POSE, ROBOT, read, texts
 
 TOOL = "$TOOL=TOOL_DATA[1]\n"
 ON_EXTERNAL = "MACHINE_DEF[2].ROOT,MACHINE_DEF[2].MECH_TYPE"

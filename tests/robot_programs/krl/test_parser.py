@@ -31,15 +31,6 @@ def test_comments_headers_and_blank_lines_have_no_words():
     assert parse("&ACCESS RVP\r\n\r\n;FOLD PTP P1;%{PE}\r\n   ; LIN XP1\r\n") == []
 
 
-@given(st.text())
-def test_words_are_where_they_say(text):
-    for words in lines_of_words(text):
-        assert words
-        for word in words:
-            assert text[word.start : word.end] == word.text
-            assert "\n" not in word.text
-
-
 @given(st.text(alphabet="{}[]():,;=#\"'&$_AXE19.+- \r\nPTLIN", max_size=200))
 def test_any_text_has_statements(text):
     for line in parse(text):

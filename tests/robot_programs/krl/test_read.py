@@ -3,13 +3,12 @@ import pytest
 from hypothesis import given
 
 from robot_programs.core.program import rotation
+from robot_programs.krl.points import Status
 from robot_programs.krl.read import read_krl
-from robot_programs.krl.rewrite import Status
 from taskcal.errors import FileError
 from tests.laws.robots import generators
 from tests.robot_programs.krl.generator import generate
-from tests.robot_programs.krl.samples import CONFIG_DAT, handling, milling, source
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
+from tests.robot_programs.krl.samples import CONFIG_DAT, FRAMES, POSE, handling, milling, read, source, texts
 
 
 def frame(x: float, y: float, z: float, A: float, B: float, C: float) -> np.ndarray:
@@ -160,6 +159,20 @@ def test_a_trigger_before_a_motion_is_pointed_out():
 def test_files_that_are_no_program_are_refused(name, text, message):
     with pytest.raises(FileError, match=message):
         read_krl([source(name, text)])
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "where"),
+    [
+        (f"{FRAMES}LIN {POSE}\nEND\nLIN {POSE}", 6, "outside of any routine"),
+        (f"{FRAMES}SWITCH 1\nCASE1\nLIN {POSE}\nDEFAULT\nLIN {POSE}\nENDSWITCH", 6, "where no line is run"),
+    ],
+)
+def test_a_motion_that_nothing_runs_is_named(body, line, where):
+    program = read(body)
+    assert len(program.motions) == 1
+    (said,) = (diagnostic for diagnostic in program.diagnostics if diagnostic.unread)
+    assert (said.place.line, where in said.text) == (line, True)
 
 
 @given(generators)

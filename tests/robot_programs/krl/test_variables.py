@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Waypoint
-from tests.robot_programs.krl.rewriting import Q
-from tests.robot_programs.krl.samples import source
-from tests.robot_programs.krl.small_programs import FRAMES, POSE, read, texts
+from robot_programs.krl.read import read_krl
+from tests.robot_programs.krl.samples import CONFIG_DAT, FRAMES, POSE, ROBOT, Q, read, source, texts
 
 DECLARED = "DECL E6POS P\nDECL FRAME F\nINT I\nDECL E6AXIS HOME\n"
 SHIFTED = "{X 900,Y 0,Z 850,A 0,B 90,C 0}"
@@ -53,14 +52,14 @@ def test_constants_are_followed(body, written_out):
     ("body", "reason"),
     [
         (f"P={POSE}\nP.Z=$ANIN[1]\nLIN P", "$ANIN[1] is known only at run time"),
-        ("IF $IN[1] THEN\nBAS(#BASE,1)\nENDIF\nP=INV_POS($BASE):XP1\nLIN P", "$BASE is changed by the program, at "),
-        (f"IF $IN[1] THEN\nBAS(#TOOL,1)\nENDIF\n$TOOL=$TOOL:$TOOL\nLIN {POSE}", "$TOOL is changed by the program, at "),
+        ("IF $IN[1] THEN\nBAS(#BASE,1)\nENDIF\nP=INV_POS($BASE):XP1\nLIN P", "is set in one branch of the IF before"),
+        (f"IF $IN[1] THEN\nBAS(#TOOL,1)\nENDIF\n$TOOL=$TOOL:$TOOL\nLIN {POSE}", "is set in one branch of the IF before"),
         ("P=INV_POS({X 5}):XP1\nLIN P", "Y is not stated"),
         ("LIN MEASURE(XP1)", "what MEASURE() gives is known only at run time"),
         ("LIN SQRT(4)", "what stands for its point is not a position"),
         (f"$BASE=INV_POS(5)\nLIN {POSE}", "what INV_POS is given is not a frame alone"),
         (f"P={POSE}\nIF $IN[1] THEN\nP.Z=850\nENDIF\nLIN P", "P is a variable of the program's own"),
-        (f"P={POSE}\nFOR I=1 TO $NUM\nP.Z=P.Z+1\nLIN P\nENDFOR", "P is a variable of the program's own"),
+        (f"P={POSE}\nFOR I=1 TO $NUM\nP.Z=P.Z+1\nLIN P\nENDFOR", "P.Z is set further down in the same loop"),
         (f"P={POSE}\nAGAIN:\nLIN P\nP.Z=900\nGOTO AGAIN", "P is a variable of the program's own"),
         ("FOR I=1 TO $NUM\nLIN Q[I]\nENDFOR", "which element of Q is meant is known only at run time"),
         (f"P={POSE}\nMEASURE(P)\nLIN P", "P is a variable of the program's own"),
@@ -77,6 +76,27 @@ def test_values_of_the_run_time_are_no_constants(body, reason):
     program = read(DECLARED + FRAMES + body, dat=POINTS)
     assert not program.motions
     assert any(reason in text for text in texts(program))
+
+
+@pytest.mark.parametrize(
+    ("body", "heights"),
+    [
+        (f"P={POSE}\nP.E1=$ANIN[1]\nH=P.Z\nLIN {{X 900,Y 0,Z H,A 0,B 90,C 0}}", [800]),
+        (f"P={POSE}\nP.Z=$ANIN[1]\nP.Z=810\nLIN P", [810]),
+        (f"Q[1]={POSE}\nQ[2]={SHIFTED}\nQ[2].Z=$ANIN[1]\nLIN Q[1]\nLIN Q[2]", [800]),
+    ],
+)
+def test_a_part_that_is_not_known_leaves_the_others(body, heights):
+    program = read(f"DECL E6POS P,Q[3]\nREAL H\n{FRAMES}{body}")
+    assert [round(float(move.end.T[2, 3]) * 1e3, 6) for move in program.motions] == heights
+
+
+def test_lines_outside_of_any_routine_count_as_run_at_any_time():
+    """Their head may be what is damaged."""
+    line = f"BAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN {POSE}"
+    assert len(read(line).motions) == 1
+    assert not read(line, more="TOOL_DATA[1].X=5\n").motions
+    assert not read(f"{FRAMES}LIN XP1", dat=POINTS, more="XP1.X=5\n").motions
 
 
 def test_what_an_interrupt_assigns_is_not_known():
@@ -102,9 +122,7 @@ def test_a_computed_point_is_written_into_the_motion():
     (move,) = program.motions
     T = move.end.T.copy()
     T[0, 3] += 1e-3
-    from taskcal.robot.catalogue import load_robot
-
-    after = program.rewrite(load_robot("kuka-kr16-2"), {0: (Waypoint(kind="linear", q=Q, T=T),)})
+    after = program.rewrite(ROBOT, {0: (Waypoint(kind="linear", q=Q, T=T),)})
     assert "LIN {E6POS: X 901.00000,Y 0.00000,Z 850.00000," in after[0].text
     assert after[0].text.count("P=XP1\r\nP.Z=P.Z+50\r\n") == 1
     np.testing.assert_allclose(program.reread(after).motions[0].end.T, T, atol=1e-8)
@@ -128,9 +146,6 @@ def test_tool_set_elsewhere_is_that_of_the_data_list():
 
 @pytest.mark.parametrize(("sets", "tool"), [("TOOL(0)", "$NULLFRAME"), ("$TOOL=TOOL_DATA[1]", "TOOL_DATA[1]")])
 def test_what_initmov_sets_is_read_from_the_file_that_says_it(sets, tool):
-    from robot_programs.krl.read import read_krl
-    from tests.robot_programs.krl.samples import CONFIG_DAT
-
     part = source("part.src", f"DEF PART( )\nBAS(#INITMOV,0)\nLIN {POSE}\nEND\n")
     config = source("$config.dat", CONFIG_DAT)
     bas = source(
@@ -157,14 +172,12 @@ NEXT = "DEFFCT E6POS NEXT( )\nN=N+1\nRETURN Q[1]\nENDFCT\n"
 
 def test_point_of_a_function_is_written_into_the_motion():
     """A point that a function computes is written into the motion."""
-    from taskcal.robot.catalogue import load_robot
-
     program = read(f"{FRAMES}LIN XP1\nLIN ABOVE(XP1,50.0) C_DIS", dat=POINTS, more=ABOVE)
     move = program.motions[1]
     np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").motions[0].end.T, atol=1e-12)
     T = move.end.T.copy()
     T[0, 3] += 1e-3
-    after = program.rewrite(load_robot("kuka-kr16-2"), {1: (Waypoint(kind="linear", q=Q, T=T),)})
+    after = program.rewrite(ROBOT, {1: (Waypoint(kind="linear", q=Q, T=T),)})
     assert "LIN {E6POS: X 901.00000,Y 0.00000,Z 850.00000," in after[0].text
     np.testing.assert_allclose(program.reread(after).motions[1].end.T, T, atol=1e-8)
 

@@ -1,21 +1,14 @@
 """RAPID for `tests.robot_programs.fuzz`."""
 
+from functools import partial
+
 import numpy as np
 
-from robot_programs.core.program import Program, Waypoint
+from robot_programs.core.program import Program
 from robot_programs.rapid.read import read_rapid
-from taskcal.robot.catalogue import load_robot
-from tests.robot_programs.fuzz import Language
+from tests.robot_programs.fuzz import Language, nearby_waypoints
 from tests.robot_programs.rapid.generator import generate
-from tests.robot_programs.rapid.rewriting import nearby_waypoints
-
-ROBOT = load_robot("abb-irb6660-205-1.9")
-
-
-def _waypoints(rng: np.random.Generator, program: Program) -> dict[int, tuple[Waypoint, ...]]:
-    waypoints = nearby_waypoints(rng, program, most=2)
-    cannot = program.unwritable(ROBOT, waypoints, tolerance=0.0)
-    return {i: path for i, path in waypoints.items() if i not in cannot}
+from tests.robot_programs.rapid.samples import ROBOT
 
 
 def _posture(program: Program, number: int) -> np.ndarray | None:
@@ -31,7 +24,11 @@ def _posture(program: Program, number: int) -> np.ndarray | None:
 LANGUAGE = Language(
     generate=lambda rng: generate(rng).sources,
     read=read_rapid,
-    waypoints=_waypoints,
+    waypoints=partial(nearby_waypoints, postures=True, kinds=("linear", "joint")),
     posture=_posture,
     robot=ROBOT,
+    place=(1.2e-7, 1.6e-7),  # single precision has 24 bits
+    turn=5e-7,
+    joints=3.5e-8,
+    postures=True,
 )

@@ -1,8 +1,9 @@
+"""Where a program may change its data: lines that are not understood, routines that are not in the files, calls by name."""
+
 import pytest
 
 from robot_programs.rapid.read import read_rapid
-from tests.robot_programs.rapid.diagnosed import reasons
-from tests.robot_programs.rapid.samples import POINTS, module, source
+from tests.robot_programs.rapid.samples import POINTS, module, reasons, source
 
 DATA = (
     POINTS.splitlines()[0].replace("CONST", "VAR")
@@ -92,3 +93,154 @@ def test_arguments_stay_unless_the_routine_changes_them():
     program = read_rapid([source(text)])
     assert [move.end.name for move in program.motions] == ["p1"]
     assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))
+
+
+# Routines that are not in the files, calls by name, soft servos and shifted external axes.
+
+
+LENT = (
+    "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+    "PERS tooldata tB:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+    'PERS wobjdata wA:=[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n'
+    "VAR robtarget pV:=[[5,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPERS num n:=1;\n"
+)
+USE_TOOL = "PROC useTool1()\ntA:=tB;\nENDPROC\n"
+
+
+def program(*main: str, routines: str = ""):
+    body = "\n".join(main)
+    return read_rapid([source(f"MODULE m\n{POINTS}{LENT}PROC main()\n{body}\nENDPROC\n{routines}ENDMODULE")])
+
+
+def move(to: str = "p1", tool: str = "tA") -> str:
+    return f"MoveL {to},v5,fine,{tool}\\WObj:=wA;"
+
+
+@pytest.mark.parametrize("given", ["tA", "wA", "p2,tA", "\\Tool:=tA"])
+def test_strange_routine_may_change_its_tool_or_work_object(given):
+    read = program(f"Setup {given};", move())
+    assert not read.motions
+    assert "may be changed by Setup, which is not in the files given, in part.mod:17" in "".join(reasons(read))
+
+
+def test_strange_function_may_change_its_tool():
+    read = program("n:=Measured(tA);", move())
+    assert not read.motions
+    assert "may be changed by Measured" in "".join(reasons(read))
+
+
+@pytest.mark.parametrize(("target", "known"), [("p1", True), ("pV", False)])
+def test_strange_routine_may_change_a_target_unless_constant(target, known):
+    read = program(f"Setup {target};", move(target, "tB"))
+    assert len(read.motions) == known
+
+
+def test_strange_routine_is_named_and_changes_no_other_data():
+    read = program(move(), "Setup;", move("p2"))
+    assert len(read.motions) == 2
+    assert read.motions[1].follows is None
+    assert reasons(read) == [
+        "part.mod:18: Setup is not in the files given; it is taken to leave all data as they are that it is not given"
+    ]
+
+
+@pytest.mark.parametrize(
+    "known",
+    ["SetDO doA,1;", "WaitLoad load1;", "LoadId ParIdRobValid,WRIST_MOVE,tA;", "ArcLStart p2,v5,seam1,weld1,fine,tA;"],
+)
+def test_instructions_of_the_system_leave_their_tool(known):
+    read = program(known, move())
+    assert [m.end.name for m in read.motions][-1] == "p1"
+    assert "not in the files given" not in "".join(reasons(read))
+
+
+def test_tool_changed_in_a_program_of_its_own_is_known_in_others():
+    service = f"PROC service()\nSetup tA;\n{move('p2')}\nENDPROC\n"
+    read = program(move(), routines=service)
+    assert [m.end.name for m in read.motions] == ["p1"]
+    assert "stays as it is: 'tA' may be changed by Setup" in "".join(reasons(read))
+    assert not program("service;", move(), routines=service).motions
+
+
+@pytest.mark.parametrize("call", ['CallByVar "useTool",n;', '%"useTool1"%;', '%"useTool"+"1"%;'])
+@pytest.mark.parametrize("nested", [False, True])
+def test_call_by_name_may_change_what_any_routine_changes(call, nested):
+    """The tool is known before; behind the call it is what a routine may have set."""
+    inner = f"PROC inner()\n{call}\nENDPROC\n" if nested else ""
+    read = program("tA:=tB;", move(), "inner;" if nested else call, move("p2"), routines=USE_TOOL + inner)
+    assert [m.end.name for m in read.motions] == ["p1"]
+    assert "calls a procedure whose name is known only at run time" in "".join(reasons(read))
+
+
+def test_call_by_name_in_a_loop_may_change_any_data():
+    read = program("tA:=tB;", "WHILE n>0 DO", move(), 'CallByVar "useTool",n;', "ENDWHILE", routines=USE_TOOL)
+    assert not read.motions
+
+
+def test_call_by_name_may_lead_to_a_strange_routine():
+    read = program('CallByVar "path",n;', move(), routines="PROC path1()\nSetup tA;\nENDPROC\n")
+    assert not read.motions
+
+
+def soft(read) -> list[int]:
+    return [d.place.line for d in read.diagnostics if "a servo may be soft here (SoftAct in part.mod:" in d.text]
+
+
+def test_motions_behind_softact_are_remarked_up_to_softdeact():
+    read = program(move(), "SoftAct 3,20;", move("p2"), move("p3"), "SoftDeact;", move("p4"))
+    assert len(read.motions) == 4
+    assert soft(read) == [19, 20]
+
+
+def test_softact_in_a_branch_or_a_call_is_remarked():
+    routine = "PROC yield()\nSoftAct 3,20;\nENDPROC\n"
+    assert soft(program("IF n=1 SoftAct 3,20;", move(), "SoftDeact;", move("p2"))) == [18]
+    assert soft(program("yield;", move(), "SoftDeact;", move("p2"), routines=routine)) == [18]
+    assert soft(program(move(), "SoftAct 3,20;")) == [17]  # main begins again
+
+
+@pytest.mark.parametrize("shift", ["EOffsSet [100,0,0,0,0,0];", "EOffsOn \\ExeP:=p1,p2;"])
+def test_motions_know_what_shifts_external_axes(shift):
+    read = program(shift, move(), "MoveAbsJ [[0,0,0,0,9,0],[0,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v5,fine,tA;", "EOffsOff;")
+    name = shift.split()[0]
+    assert [m.external_offset for m in read.motions] == [f"{name} in part.mod:17", ""]
+    assert f"part.mod:17: {name} shifts the external axes by what is not read" in reasons(read)[0]
+
+
+def test_data_set_by_name_are_named():
+    assert "SetDataVal sets data by their names" in reasons(program('SetDataVal "tA",tB;', move()))[0]
+
+
+@pytest.mark.parametrize(
+    "filling",
+    [
+        'GetDataVal "x",tA;',
+        "RMQGetMsgData msg1,tA;",
+        "UnpackRawBytes raw1,1,tA.tframe.trans.z\\Float4;",
+        'bOK:=StrToVal("[1,2]",tA);',
+        'IF StrToVal("[1,2]",tA) THEN\nENDIF',
+    ],
+)
+def test_system_instruction_that_returns_values_changes_tool(filling):
+    assert not program(filling, move()).motions
+
+
+@pytest.mark.parametrize(
+    "returning",
+    [
+        'bOK:=StrToVal("5",nV);',
+        'IF StrToVal("5",nV) THEN\nENDIF',
+        "WaitDI di1,1\\MaxTime:=2\\TimeFlag:=bV;\nIF bV nV:=5;",
+        "WaitAI ai1\\GT,3\\MaxTime:=2\\ValueAtTimeout:=nV;",
+        'UIMsgBox "x"\\Buttons:=btnOKCancel\\Result:=nV;',
+        "n:=UINumEntry(\\MaxTime:=3\\BreakFlag:=nV);",
+    ],
+)
+def test_system_call_returns_values_by_its_arguments(returning):
+    routine = f"PROC at()\nVAR num nV:=0;\nVAR bool bV:=FALSE;\nVAR bool bOK;\n{returning}\n{move('Offs(p1,0,0,nV)')}\nENDPROC\n"
+    assert not program("at;", routines=routine).motions
+    assert program("at;", routines=routine.replace(returning, 'bOK:=StrPart("5",1,1)="5";')).motions
+
+
+def test_data_that_setdataval_hands_over_stay():
+    assert len(program('SetDataVal "q",pV;', move("pV"), move("p2")).motions) == 2

@@ -1,11 +1,15 @@
+"""The flow of RAPID: which motion comes before, what values are known, and what routines are given."""
+
 from itertools import permutations
 
 import pytest
 
-from robot_programs.rapid.names import Symbol
+from robot_programs.core.flow import SOMEWHERE
+from robot_programs.core.interpreter import Moment
+from robot_programs.core.values import Lost, Structure
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.values import AbstractValue, State, identical
-from tests.robot_programs.rapid.samples import POINTS, module, source
+from robot_programs.rapid.values import Traced
+from tests.robot_programs.rapid.samples import POINTS, module, reasons, source
 
 
 def move(k: int) -> str:
@@ -15,7 +19,6 @@ def move(k: int) -> str:
 @pytest.mark.parametrize(
     ("body", "follows"),
     [
-        (f"{move(1)}{move(2)}", [None, 0]),
         (f"{move(1)}SetDO doA,1;WaitTime 2;reg1:=reg1+Abs(-2);{move(2)}", [None, 0]),
         (f"{move(1)}again:{move(2)}", [None, 0]),
         (f"{move(1)}again:{move(2)}{move(3)}GOTO again;", [None, None, 1]),
@@ -27,7 +30,6 @@ def move(k: int) -> str:
         (f"{move(1)}SearchL diFound,p2,p4,v100,tool0;{move(3)}", [None, 0, None]),
         (f"{move(1)}MoveExtJ jOut,vrot10,fine;{move(3)}", [None, None]),
         (f"{move(1)}Glue p2,v100,gun,fine,tool0;{move(3)}", [None, None]),
-        (f"{move(1)}IF a=1 THEN {move(2)} ELSE {move(3)} ENDIF {move(4)}", [None, 0, 0, None]),
         (f"{move(1)}IF a=1 THEN {move(2)} ELSEIF a=2 THEN {move(3)} ENDIF {move(4)}", [None, 0, 0, None]),
         (f"{move(1)}IF a=1 {move(2)} {move(3)}", [None, 0, None]),
         (f"{move(1)}IF a=1 THEN Reset doA; ENDIF {move(2)}", [None, 0]),
@@ -35,7 +37,6 @@ def move(k: int) -> str:
         (f"{move(1)}IF Measure()=1 THEN {move(2)} ENDIF", [None, None]),
         (f"{move(1)}TEST a CASE 1,2: {move(2)} CASE 3: {move(3)} DEFAULT: {move(4)} ENDTEST {move(5)}", [None, 0, 0, 0, None]),
         (f"{move(1)}TEST a CASE 1: {move(2)} DEFAULT: RETURN; ENDTEST {move(3)}", [None, 0, 1]),
-        (f"{move(1)}FOR i FROM 1 TO 3 DO {move(2)} {move(3)} ENDFOR {move(4)}", [None, None, 1, 2]),
         (f"{move(1)}FOR i FROM 1 TO n DO {move(2)} {move(3)} ENDFOR {move(4)}", [None, None, 1, None]),
         (f"{move(1)}FOR i FROM 3 TO 1 STEP 1 DO {move(2)} ENDFOR {move(3)}", [None, None, 0]),
         (f"{move(1)}IF 1>2 THEN {move(2)} ELSE {move(3)} ENDIF {move(4)}", [None, None, 0, 2]),
@@ -67,19 +68,6 @@ def test_routine_named_like_a_motion_is_a_call():
     assert not program.diagnostics
 
 
-def test_motions_follow_each_other_through_calls():
-    body = f"path_10;path_20;\nENDPROC\nPROC path_10()\n{move(1)}{move(2)}\nENDPROC\nPROC path_20()\n{move(3)}"
-    program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.motions] == [None, 0, 1]
-
-
-def test_position_is_unknown_after_several_returns():
-    """Behind a call that returns from several places nobody knows where the robot is."""
-    body = f"go;{move(1)}\nENDPROC\nPROC go()\n{move(2)}\nIF diAny=1 RETURN;\n{move(3)}"
-    program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.motions] == [None, None, 1]
-
-
 def test_a_routine_that_calls_itself_begins_anywhere():
     body = f"{move(1)}again;\nENDPROC\nPROC again()\n{move(2)}\nIF diAny=1 again;\n{move(3)}"
     program = read_rapid([module(body, POINTS)])
@@ -89,18 +77,14 @@ def test_a_routine_that_calls_itself_begins_anywhere():
 @pytest.mark.parametrize(
     ("body", "x"),
     [
-        ("FOR i FROM 1 TO 3 DO MoveL a{i},v5,fine,tool0; ENDFOR", [10, 20, 30]),
         ("FOR i FROM 3 TO 1 DO MoveL a{i},v5,fine,tool0; ENDFOR", [30, 20, 10]),
         ("FOR i FROM 1 TO 3 STEP 2 DO MoveL a{i},v5,fine,tool0; ENDFOR", [10, 30]),
         ("FOR i FROM 1 TO Dim(a,1) DO IF i<>2 MoveL a{i},v5,fine,tool0; ENDFOR", [10, 30]),
-        ("n:=1; WHILE n<=2 DO MoveL a{n},v5,fine,tool0; n:=n+1; ENDWHILE", [10, 20]),
         ("Clear n; WHILE n<3 DO Incr n; MoveL a{n},v5,fine,tool0; ENDWHILE", [10, 20, 30]),
         ("n:=3; WHILE n>1 DO MoveL a{n},v5,fine,tool0; Decr n; ENDWHILE", [30, 20]),
         ("n:=1; Add n,2; MoveL a{n},v5,fine,tool0; Add n,-1; MoveL a{n},v5,fine,tool0;", [30, 20]),
         ("MoveL q,v5,fine,tool0; Add q.trans.x,10; MoveL q,v5,fine,tool0;", [10, 20]),
-        ("MoveL q,v5,fine,tool0; q:=CRobT(); q:=a{2}; MoveL q,v5,fine,tool0;", [10, 20]),
         ("q:=Offs(q,n+5,0,0); q.trans.x:=q.trans.x*2; MoveL q,v5,fine,tool0;", [30]),
-        ("IF diAny=1 THEN q:=p2; ELSE q:=a{2}; ENDIF MoveL q,v5,fine,tool0;", [20]),
         ("TEST diAny CASE 1: n:=3; CASE 2: n:=3; DEFAULT: n:=3; ENDTEST MoveL a{n},v5,fine,tool0;", [30]),
     ],
 )  # fmt: skip
@@ -120,12 +104,9 @@ def test_values_are_followed_through_the_statements_of_a_routine(body, x):
 @pytest.mark.parametrize(
     "body",
     [
-        "q:=CRobT(); MoveL q,v5,fine,tool0;",
         "IF diAny=1 q:=p2; MoveL q,v5,fine,tool0;",
-        "WHILE diAny=1 DO MoveL q,v5,fine,tool0; q:=Offs(q,1,0,0); ENDWHILE",
         "again: MoveL q,v5,fine,tool0; q:=p2; GOTO again;",
         "change q; MoveL q,v5,fine,tool0;",
-        "Unknown q; MoveL q,v5,fine,tool0;",
         '%"change"% q; MoveL q,v5,fine,tool0;',
         "TEST diAny CASE 1: q:=p2; ENDTEST MoveL q,v5,fine,tool0;",
         "FOR i FROM 1 TO n DO MoveL q,v5,fine,tool0; q:=p2; ENDFOR",
@@ -152,6 +133,20 @@ def test_module_variable_keeps_its_value_only_if_main_does():
     assert [found.end.name for found in stays.motions] == ["q"]
     again = read_rapid([module("MoveL q,v5,fine,tool0;\nother;\nENDPROC\nPROC other() q:=p2;", POINTS + variable)])
     assert not again.motions
+
+
+@pytest.mark.parametrize(
+    ("connects", "trap", "follows"),
+    [
+        ("CONNECT alarm WITH t;", move(5), [None, 0, None, None, None]),
+        ("CONNECT alarm WITH t", move(5), [None, 0, None, None, None]),
+        ("CONNECT alarm WITH t;", "a:=1;", [None, 0, 1, 2]),
+        ("", move(5), [None, 0, 1, 2, None]),
+    ],
+)
+def test_what_comes_before_is_not_known_while_a_trap_may_move(connects, trap, follows):
+    body = f"{move(1)}{move(2)}{connects}\nIF a=1 Stop;\n{move(3)}{move(4)}\nENDPROC\nTRAP t\n{trap}\nENDTRAP\nPROC other()"
+    assert [found.follows for found in read_rapid([module(body, POINTS)]).motions] == follows
 
 
 def test_what_a_trap_changes_is_never_known():
@@ -200,16 +195,14 @@ def test_local_routine_of_another_module_is_not_called():
 # What holds behind several ways through a program.
 
 
-A, B = Symbol(name="a", type="num"), Symbol(name="b", type="num")
-
-
 def test_joined_state_holds_what_all_ways_agree_on():
     """Of several ways only data with one value, and a motion that was the last on all of them, are known behind."""
-    one = State(last=1, variables={A: AbstractValue(value=1.0), B: AbstractValue(value=2.0)})
-    other = State(last=2, variables={A: AbstractValue(value=1.0), B: AbstractValue(value=3.0)})
+    one = Moment(last=1, variables={"a": 1.0, "b": 2.0})
+    other = Moment(last=2, variables={"a": 1.0, "b": 3.0})
     both = one.joined([other], "")
-    assert both.last is None
-    assert [(symbol, known.value) for symbol, known in both.variables.items()] == [(A, 1.0)]
+    assert both.last == SOMEWHERE
+    assert one.joined([Moment(last=None)], "").last is None
+    assert {key: value for key, value in both.variables.items() if not isinstance(value, Lost)} == {"a": 1.0}
     assert one.joined([one], "").last == 1
     for ways in permutations([one, one, other]):
         first, *others = ways
@@ -218,12 +211,70 @@ def test_joined_state_holds_what_all_ways_agree_on():
 
 def test_joined_state_names_data_only_if_all_ways_do():
     """A name of what was assigned is kept where all ways assign it."""
-    p, q = (State(variables={A: AbstractValue(value=1.0, name=name)}) for name in ("p", "q"))
-    assert p.joined([q], "").variables[A].name == ""
-    assert p.joined([p], "").variables[A].name == "p"
+    p, q = (
+        Moment(variables={"a": Structure(kind="", parts={0: 1.0}, origin=Traced(at=(0, 0, 0), owner=None, name=name))})
+        for name in ("p", "q")
+    )
+    assert p.joined([q], "").variables["a"].origin is None
+    assert p.joined([p], "").variables["a"].origin.name == "p"
 
 
-def test_identical_values_are_of_one_type():
-    """A truth is not a number."""
-    assert identical((1.0, ("a",)), (1.0, ("a",)))
-    assert not identical((True,), (1.0,))
+# What routines are given, and what comes of their motions.
+
+
+ROUTINE = "PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\nENDPROC\n"
+
+
+def program(main: str, routines: str = ROUTINE):
+    return read_rapid([source(f"MODULE m\n{POINTS}PROC main()\n{main}\nENDPROC\n{routines}ENDMODULE")])
+
+
+def ends(read) -> list[float]:
+    return [round(move.end.T[0, 3] * 1e3, 3) for move in read.motions]
+
+
+@pytest.mark.parametrize(
+    ("routines", "x"),
+    [
+        ("PROC go(robtarget p)\nVAR num n:=3;\nMoveL Offs(p,n,0,0),v5,fine,tool0;\nn:=4;\nENDPROC\n", 13),
+        ("PROC go(robtarget p,\\num by)\nMoveL p,v5,fine,tool0;\nENDPROC\n", 10),
+    ],
+)  # fmt: skip
+def test_parameters_are_followed_into_and_through_routines(routines, x):
+    read = program("go p1;\ngo p1;", routines)
+    assert set(ends(read)) == {x}
+    assert not read.diagnostics
+
+
+def test_what_is_given_in_some_calls_only_is_said():
+    read = program("go p1;\ngo CRobT();")
+    assert ends(read) == [10]
+    assert reasons(read) == ["part.mod:16: MoveL stays as it is in some calls: 'p' is a parameter of the routine 'go'"]
+    assert [(move.texts_motions, move.divisible) for move in read.motions] == [(2, False)]
+
+
+def test_own_target_stays_if_a_call_has_an_unknown_tool():
+    """Its own target stays where some call gives an unknown tool."""
+    routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
+    read = program("go tool0;\ngo tUnknown;", routine)
+    assert not read.motions
+    assert "'t' is a parameter" in reasons(read)[0]
+
+
+def test_a_routine_that_may_be_called_by_name_is_given_anything():
+    read = program('go p1;\n%"go"%;')
+    assert ends(read) == [10]
+    assert "in some calls" in "".join(reasons(read))
+
+
+def test_calls_without_end_are_not_followed():
+    routines = "PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\ngo Offs(p,1,0,0);\nENDPROC\n"
+    read = program("go p1;", routines)
+    assert ends(read) == [10]
+    assert "in some calls" in reasons(read)[0]
+
+
+def test_many_calls_in_each_other_end_somewhere():
+    calls = "".join(f"PROC r{k}()\nr{k + 1};\nr{k + 1};\nENDPROC\n" for k in range(40))
+    read = program("r0;\nMoveL p2,v5,fine,tool0;", f"{calls}PROC r40()\nMoveL p1,v5,fine,tool0;\nENDPROC\n")
+    assert sorted(ends(read)) == [10, 20]

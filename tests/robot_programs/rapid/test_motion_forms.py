@@ -10,8 +10,7 @@ from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import MOTION_FORMS
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from tests.robot_programs.rapid.beside import ROBOT, Q
-from tests.robot_programs.rapid.samples import POINTS, module
+from tests.robot_programs.rapid.samples import POINTS, ROBOT, Q, module
 
 TEXTS = {
     "MoveL p3,v100,z10,tool0;": ("linear", 0.1, True, False),

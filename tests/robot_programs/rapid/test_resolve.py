@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from robot_programs.rapid.read import read_rapid
-from tests.robot_programs.rapid.diagnosed import NINE, reasons
-from tests.robot_programs.rapid.samples import POINTS, module, source
+from tests.robot_programs.rapid.samples import NINE, POINTS, module, reasons, source
 
 
 @pytest.mark.parametrize(
     ("declarations", "body", "reason"),
     [
-        ("VAR" + POINTS.splitlines()[0][5:], "p1:=p1;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
+        ("VAR" + POINTS.splitlines()[0][5:], "p1:=CRobT();MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
         ("VAR" + POINTS.splitlines()[0][5:], "p1.trans:=CPos();MoveL p1,v100,fine,tool0;", "CPos() is known only at run time"),
         ("VAR" + POINTS.splitlines()[0][5:], "Elsewhere p1;MoveL p1,v100,fine,tool0;", "'p1' is assigned to in part.mod:4"),
         (POINTS, "MoveL p1,v100,fine,tool0\\Mine:=10;", "\\mine is not provided for"),

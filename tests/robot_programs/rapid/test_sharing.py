@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from robot_programs.rapid.read import read_rapid
-from tests.robot_programs.rapid.beside import ROBOT, shifted
-from tests.robot_programs.rapid.samples import POINTS, source
+from tests.robot_programs.rapid.samples import POINTS, ROBOT, shifted, source
 
 TOOL = "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
 GO = "PROC go(robtarget p,PERS tooldata t)\nMoveL p,v5,fine,t;\nENDPROC\n"
@@ -31,55 +30,44 @@ def rewritten(main: str, routine: str, *by_mm: float, declared: str = ""):
     return moved, cannot, again.text
 
 
-def test_what_each_call_gives_is_written_in_its_declaration():
-    moved, cannot, text = rewritten("go p1,tool0;\ngo p2,tool0;", GO, 1.0, 2.0)
+TWICE = "PROC go(robtarget p,PERS tooldata t)\nMoveL p,v5,fine,t;\nMoveL p,v5,fine,tool0;\nENDPROC\n"
+STATED = "[[{},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+
+
+@pytest.mark.parametrize(
+    ("calls", "routine", "texts"),
+    [
+        (f"go {STATED.format(40)},tool0;\ngo {STATED.format(50)},tool0;", GO, ["go [[41,0,0],", "go [[52,0,0],"]),
+        ("go p1,tool0;\ngo p1,tA;", GO, ["go p1_2,tA;"]),  # a copy where the call is
+        ("go p1,tA;", TWICE, ["CONST robtarget p1:=[[11,0,0]", "MoveL p,v5,fine,t;\nMoveL [[12,0,0],[1,0,0,0]"]),
+    ],
+)
+def test_motions_of_calls_get_targets_of_their_own(calls, routine, texts):
+    """In the calls, or in the motions of a routine that is called for them alone."""
+    moved, cannot, text = rewritten(calls, routine, 1.0, 2.0)
     np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
     assert not cannot
-    assert "_2" not in text
+    assert all(one in text for one in texts)
 
 
-def test_targets_that_calls_state_are_written_in_the_calls():
-    state = "go [[{},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],tool0;".format
-    moved, cannot, text = rewritten(f"{state(40)}\n{state(50)}", GO, 1.0, 2.0)
+def test_call_with_conflicting_motions_is_refused_with_its_place():
+    """One call that stands for motions with different needs, whose text others have, is refused."""
+    moved, cannot, _ = rewritten("go p1,tA;\ngo p2,tA;", TWICE, 1.0, 1.0, 2.0, 1.0)
+    np.testing.assert_allclose(moved, [0, 1, 0, 1], atol=1e-6)
+    assert cannot.keys() == {0, 2}
+    assert cannot[0] == "its text in part.mod:13 stands for 2 motions, which need different numbers"
+
+
+@pytest.mark.parametrize("other", ["", 'TPWrite ""\\Num:=a{2}.trans.x;\n'])
+def test_elements_of_an_array_that_a_call_gives(other):
+    """They get their numbers in the array, or in the motions where the routine reads them for something else."""
+    elements = ",".join(line.split(":=")[1].rstrip(";") for line in POINTS.splitlines()[:2])
+    routine = f"PROC go(robtarget a{{*}})\nMoveL Offs(a{{1}},0,0,5),v5,fine,tool0;\nMoveL a{{2}},v5,fine,tool0;\n{other}ENDPROC\n"
+    moved, cannot, text = rewritten("go way;", routine, 1.0, 2.0, declared=f"CONST robtarget way{{2}}:=[{elements}];\n")
     np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
     assert not cannot
-    assert "go [[41,0,0]," in text
-    assert "go [[52,0,0]," in text
-
-
-def test_calls_with_other_tools_get_a_copy_of_the_target():
-    """What calls with other tools need gets a copy where the call is."""
-    moved, cannot, text = rewritten("go p1,tool0;\ngo p1,tA;", GO, 1.0, 2.0)
-    np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
-    assert not cannot
-    assert "go p1_2,tA;" in text
-
-
-def test_call_with_conflicting_motions_is_refused_with_places():
-    """One call that stands for motions with different needs is refused with their places."""
-    routine = "PROC go(robtarget p,PERS tooldata t)\nMoveL p,v5,fine,t;\nMoveL p,v5,fine,tool0;\nENDPROC\n"
-    moved, cannot, _ = rewritten("go p1,tA;", routine, 1.0, 2.0)
-    np.testing.assert_array_equal(moved, [0, 0])
-    assert cannot.keys() == {0, 1}
-    assert "in common with part.mod:16, part.mod:13, part.mod:17, which need other numbers" in cannot[0]
-
-
-def test_routine_text_with_conflicting_motions_is_refused():
-    """A text of the routine that stands for motions with different needs is refused."""
-    routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
-    moved, cannot, _ = rewritten("go tool0;\ngo tA;", routine, 1.0, 2.0)
-    np.testing.assert_array_equal(moved, [0, 0])
-    assert cannot.keys() == {0, 1}
-    moved, cannot, _ = rewritten("go tool0;\ngo tA;", routine, 1.0, 1.0)
-    np.testing.assert_allclose(moved, [1, 1], atol=1e-6)
-    assert not cannot
-
-
-def test_one_of_them_alone_is_not_changed():
-    routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
-    moved, cannot, _ = rewritten("go tool0;\ngo tA;", routine, 1.0, 0.0)
-    np.testing.assert_array_equal(moved, [0, 0])
-    assert cannot.keys() == {0}
+    assert "MoveL [[11,0,5]," in text
+    assert ("MoveL [[22,0,0]," if other else "MoveL a{2},") in text
 
 
 def test_argument_read_for_something_else_is_not_changed():
@@ -88,6 +76,19 @@ def test_argument_read_for_something_else_is_not_changed():
     moved, cannot, _ = rewritten("go p1,tool0;\ngo p2,tool0;", routine, 1.0, 2.0)
     np.testing.assert_array_equal(moved, [0, 0])
     assert "read for something else in part.mod:18" in cannot[0]
+
+
+def test_approach_in_a_variable_and_its_target_state_their_own():
+    """Of a routine that is called once, whose parameter the variable is computed of."""
+    routine = (
+        "PROC go(robtarget p,PERS tooldata t)\nVAR robtarget a;\na:=Offs(p,0,0,80);\nMoveJ a,v5,fine,t;\n"
+        "MoveL p,v5,fine,t;\nMoveL a,v5,fine,t;\nENDPROC\n"
+    )
+    moved, cannot, text = rewritten("go p1,tool0;", routine, 1.1, 1.0, 1.2)
+    np.testing.assert_allclose(moved, [1.1, 1.0, 1.2], atol=1e-6)
+    assert not cannot
+    assert "go p1,tool0;" in text
+    assert "a:=Offs(p,0,0,80);" in text
 
 
 @pytest.mark.parametrize(("approach", "refused"), [(1.01, set()), (1.03, {0, 2})])
@@ -108,20 +109,23 @@ def test_elements_of_a_loop_are_written_one_by_one():
     assert loop in text
 
 
-def test_a_loop_that_shifts_one_target_is_refused():
-    loop = "FOR i FROM 1 TO 3 DO MoveL Offs(p1,10*i,0,0),v5,fine,tool0; ENDFOR"
-    moved, cannot, _ = rewritten(loop, "", 1.0, 2.0, 3.0)
-    np.testing.assert_array_equal(moved, [0, 0, 0])
-    assert cannot.keys() == {0, 1, 2}
-
-
-def test_what_was_assigned_is_written_where_it_is_used():
-    moved, cannot, text = rewritten(
-        "VAR robtarget q;\nq:=p1;\nMoveL q,v5,fine,tool0;\nMoveL p1,v5,fine,tool0;", "", 1.0, 2.0
-    )
-    np.testing.assert_allclose(moved, [1, 2], atol=1e-6)
+def test_a_shifted_target_that_stays_keeps_the_one_that_it_shifts():
+    loop = "MoveJ p1,v5,fine,tool0;\nFOR i FROM 1 TO 2 DO MoveL Offs(p1,10*i,0,0),v5,fine,tool0; ENDFOR"
+    moved, cannot, text = rewritten(loop, "", 1.0)
+    np.testing.assert_allclose(moved, [1, 0, 0], atol=1e-6)
     assert not cannot
-    assert "q:=p1;\nMoveL [[11,0,0]," in text
+    assert "MoveJ p1_2,v5" in text
+
+
+def test_a_target_with_a_motion_beside_it_that_is_written_as_it_is_gets_a_clone():
+    body = "MoveL p1,v5,fine,tool0;\nMoveL Offs(p1,0,0,9),v5,fine,tool0;"
+    program = read_rapid([source(f"MODULE m\n{POINTS}PROC main()\n{body}\nENDPROC\nENDMODULE")])
+    paths = shifted(program, 0) | shifted(program, 1, mm=(0, 0, 0), q=np.radians([10.0, 20, 15, 10, 40, 20]))
+    assert not program.unwritable(ROBOT, paths, tolerance=2e-5)
+    (again,) = program.rewrite(ROBOT, paths)
+    moved = [(a.end.T - b.end.T)[0, 3] for a, b in zip(program.reread((again,)).motions, program.motions, strict=True)]
+    np.testing.assert_allclose(moved, [1e-3, 0.0], atol=1e-9)
+    assert "Offs(p1,0,0,9)" in again.text
 
 
 def test_calls_that_give_targets_take_time_by_their_number():

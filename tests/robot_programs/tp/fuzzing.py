@@ -22,4 +22,8 @@ LANGUAGE = Language(
     waypoints=lambda rng, program: nearby_waypoints(rng, program, most=3),
     posture=_posture,
     robot=R2000,
+    place=(0.0, 1e-7),
+    turn=3e-7,
+    joints=1.1e-7,
+    as_wanted=lambda program, number, point: program.sites[number].written[point].stated.is_pose,  # else as joints
 )

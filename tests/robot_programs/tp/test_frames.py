@@ -2,14 +2,20 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
 
-from robot_programs.core.program import Frame, Unresolved
+from robot_programs.core.program import Frame, Unresolved, missing_from
+from robot_programs.core.values import Lost
 from robot_programs.tp.listing import read_variables
-from robot_programs.tp.read import Frames, world_in_base
+from robot_programs.tp.lower import SET
+from robot_programs.tp.meaning import Frames, GivenFrames, world_in_base
+from robot_programs.tp.read import read_tp
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
-from tests.robot_programs.tp.samples import R2000, backup
+from taskcal_groundwork.errors import InputError
+from tests.laws.robots import generators
+from tests.robot_programs.tp.samples import R2000, backup, listing, pose
 
 
 @pytest.mark.parametrize(
@@ -29,10 +35,8 @@ def frames(**given: Frame | None) -> Frames:
     return Frames(
         variables=read_variables(backup()),
         T_base_world=world_in_base(R2000),
-        changed_frames=frozenset({2}),
-        changed_tools=frozenset({None}),
-        tool=given.get("tool"),
-        part=given.get("part"),
+        tools=GivenFrames(alone=given.get("tool")),
+        parts=GivenFrames(alone=given.get("part")),
     )
 
 
@@ -41,15 +45,222 @@ def test_user_frames_are_counted_in_the_world():
     np.testing.assert_allclose(known.user_frame(1).T[:3, 3], [1.5, -0.2, 0.07])
     np.testing.assert_allclose(known.user_frame(0).T, se3.translation(z=0.67), atol=1e-12)
     assert known.user_frame(1) is known.user_frame(1)
-    given = frames(part=Frame(name="table", T=se3.translation(1.0))).user_frame(7)
-    assert given.name == "table"
-    np.testing.assert_allclose(given.T[:3, 3], [1.0, 0.0, 0.67])
+    table = frames(part=Frame(name="table", T=se3.translation(1.0))).user_frame(7)
+    assert table.name == "table"
+    np.testing.assert_allclose(table.T[:3, 3], [1.0, 0.0, 0.67])
 
 
 def test_frames_that_are_not_known_say_what_would_work():
     with pytest.raises(Unresolved, match=r"UFRAME 7 is not known; pass the backup's sysframe.va .* \(--part\)"):
         frames().user_frame(7)
     with pytest.raises(Unresolved, match=r"UFRAME\[2\] is set in the program"):
-        frames().user_frame(2)
+        frames().user_frame(2, Lost(reason=SET))
     with pytest.raises(Unresolved, match=r"UTOOL\[1\] is set in the program"):
-        frames().tool_frame(1)
+        frames().tool_frame(1, Lost(reason=SET))
+
+
+SPELLED = ["{} {}", "{}_{}", "{}[{}]"]
+
+
+@given(generators)
+def test_a_given_frame_stands_for_one_number(rng: np.random.Generator):
+    """A motion is read by the frames of its own numbers, or left with the names of those that are missing."""
+    numbers = {kind: [int(n) for n in rng.integers(1, 5, 6)] for kind in ("UTOOL", "UFRAME")}
+    at = lambda kind, n: se3.translation(0.01 * n, 0.1 * (kind == "UTOOL"))  # noqa: E731
+    lines, positions = [], {}
+    for k, (tool, frame) in enumerate(zip(numbers["UTOOL"], numbers["UFRAME"], strict=True), start=1):
+        lines += [f"  UFRAME_NUM={frame}", f"  UTOOL_NUM={tool}", f"L P[{k}] 100mm/sec FINE"]
+        positions[str(k)] = pose(100.0 + k, 200.0, 300.0, frames=f"UF : {frame}, UT : {tool}")
+    named, alone, known = {}, {}, {}
+    for kind, used in numbers.items():
+        known[kind] = {n: f"{kind} {n}" for n in set(used) if rng.random() < 0.5}
+        known[kind] = {n: str(rng.choice(SPELLED)).format(kind, n) for n in known[kind]}
+        named[kind] = {name: Frame(name=name, T=at(kind, n)) for n, name in known[kind].items()}
+        alone[kind] = Frame(name="any", T=np.eye(4)) if rng.random() < 0.7 else None
+        rest = set(used) - set(known[kind])
+        if alone[kind] is not None and len(rest) == 1:
+            known[kind][rest.pop()] = "any"
+    program = read_tp(
+        [listing(lines, positions)], robot=R2000,
+        tool=alone["UTOOL"], part=alone["UFRAME"], tools=named["UTOOL"], parts=named["UFRAME"],
+    )  # fmt: skip
+    pairs = list(zip(numbers["UTOOL"], numbers["UFRAME"], strict=True))
+    wanted = [(known["UTOOL"][t], known["UFRAME"][f]) for t, f in pairs if t in known["UTOOL"] and f in known["UFRAME"]]
+    assert [(move.tool.name, move.part.name) for move in program.motions] == wanted
+    for move in program.motions:
+        if move.tool.name != "any":
+            np.testing.assert_allclose(move.tool.T, named["UTOOL"][move.tool.name].T)
+        if move.part.name != "any":
+            np.testing.assert_allclose(move.part.T, world_in_base(R2000) @ named["UFRAME"][move.part.name].T)
+    missing = {one.name: (one.kind, one.count) for one in missing_from(program.diagnostics)}
+    assert missing == {
+        f"{kind} {n}": ({"UTOOL": "tool", "UFRAME": "part"}[kind], used.count(n))
+        for kind, used in numbers.items()
+        for n in set(used) - set(known[kind])
+    }
+    again = program.read(program.sources)
+    assert [(move.tool.name, move.part.name) for move in again.motions] == wanted
+
+
+def test_a_name_with_a_number_stands_for_that_one():
+    positions = {str(n): pose(100.0, 200.0, 300.0, frames=f"UF : 1, UT : {n}") for n in (2, 3)}
+    sources = [
+        listing(
+            ["  UFRAME_NUM=1", *(x for n in (2, 3) for x in (f"  UTOOL_NUM={n}", f"L P[{n}] 9mm/sec FINE"))], positions
+        )
+    ]
+    program = read_tp([*sources, *backup()], robot=R2000, tool=Frame(name="UTOOL 3", T=np.eye(4)))
+    assert [move.tool.name for move in program.motions] == ["UTOOL 3"]
+    assert [one.name for one in missing_from(program.diagnostics)] == ["UTOOL 2"]
+
+
+@pytest.mark.parametrize(
+    ("tools", "message"),
+    [
+        (["UTOOL 1"], "the files have UTOOL 1 304"),
+        (["UTOOL 0"], ""),
+        (["UTOOL 2", "utool_2"], "UTOOL 2 is given twice"),
+    ],
+)
+def test_a_frame_is_given_once(tools: list[str], message: str):
+    named = {name: Frame(name=name, T=np.eye(4)) for name in tools}
+    sources = [listing(["L P[1] 9mm/sec FINE"], {"1": pose(100.0, 200.0, 300.0)}), *backup()]
+    if not message:
+        assert read_tp(sources, robot=R2000, tools=named).motions
+        return
+    with pytest.raises(InputError, match=message):
+        read_tp(sources, robot=R2000, tools=named)
+
+
+class Machine:
+    """A controller that runs a program of a few kinds of lines, from any contents of registers and frames, at any branch."""
+
+    def __init__(self, rng: np.random.Generator, lines: list[tuple[str, ...]]):
+        self.rng, self.lines = rng, lines
+        anything = lambda: [float(v) for v in rng.uniform(-100.0, 100.0, 6)]  # noqa: E731
+        self.PR = {n: anything() for n in range(1, 4)}
+        self.frames = {(kind, n): anything() for kind in ("UFRAME", "UTOOL") for n in (1, 2)}
+
+    def run(self, steps: int = 80) -> dict[int, list[tuple[list[float], list[float]]]]:
+        """User frame and tool of every visit of each motion, by its line."""
+        found: dict[int, list[tuple[list[float], list[float]]]] = {}
+        at = 0
+        while at < len(self.lines) and steps:
+            steps -= 1
+            kind, *given = self.lines[at]
+            if kind == "component":
+                self.PR[int(given[0])][int(given[1]) - 1] = float(given[2])
+            elif kind == "unknown":
+                self.PR[int(given[0])] = [float(v) for v in self.rng.uniform(-100.0, 100.0, 6)]
+            elif kind in ("UFRAME", "UTOOL"):
+                self.frames[kind, int(given[0])] = list(self.PR[int(given[1])])
+            elif kind == "jump" and self.rng.random() < 0.5:
+                at = next(k for k, line in enumerate(self.lines) if line == ("label", given[0]))
+            elif kind == "motion":
+                found.setdefault(at, []).append(
+                    (self.frames["UFRAME", int(given[0])], self.frames["UTOOL", int(given[1])])
+                )
+                found[at][-1] = tuple(list(one) for one in found[at][-1])
+            at += 1
+        return found
+
+
+def written_line(k: int, line: tuple[str, ...]) -> list[str]:
+    match line:
+        case ("component", n, j, value):
+            return [f"  PR[{n},{j}]={value}" if k % 2 else f"  PR[GP1:{n}:place,{j}]=({value})"]
+        case ("unknown", n):
+            return [f"  PR[{n}]=LPOS" if k % 2 else f"  IF R[1]=1,PR[{n},2]=R[2]"]
+        case ("UFRAME" | "UTOOL" as kind, n, register):
+            return [f"  {kind}[{n}]=PR[{register}]"]
+        case ("label", n):
+            return [f"  LBL[{n}]"]
+        case ("jump", n):
+            return [f"  IF R[1]>{k},JMP LBL[{n}]"]
+        case (_, frame, tool):
+            return [f"  UFRAME_NUM={frame}", f"  UTOOL_NUM={tool}", f"L P[{k + 1}] 100mm/sec FINE"]
+        case _:
+            raise AssertionError(line)
+
+
+def random_lines(rng: np.random.Generator) -> list[tuple[str, ...]]:
+    share = rng.choice([0.0, 0.6])  # of labels, so that half of the programs go one way
+    lines: list[tuple[str, ...]] = []
+    if rng.random() < 0.7:
+        lines += [("component", "1", str(j), f"{10 * j}") for j in range(1, 7)]
+        lines += [(kind, n, "1") for kind in ("UFRAME", "UTOOL") for n in "12"]
+    lines += [("label", "1")] if rng.random() < share else []
+    for _ in range(int(rng.integers(2, 8))):
+        register, kind = str(rng.integers(1, 4)), str(rng.choice(["UFRAME", "UTOOL"]))
+        components = [
+            ("component", register, str(j), f"{rng.uniform(-99.0, 99.0):.3f}") for j in rng.permutation(6) + 1
+        ]
+        lines += components if rng.random() < 0.8 else components[:5]
+        if rng.random() < 0.15:
+            lines.append(("unknown", register))
+        lines.append((kind, str(rng.integers(1, 3)), register if rng.random() < 0.8 else str(rng.integers(1, 4))))
+        if ("label", "2") not in lines and rng.random() < share:
+            lines.append(("label", "2"))
+        lines.append(("motion", str(rng.integers(1, 3)), str(rng.integers(1, 3))))
+        labels = [line[1] for line in lines if line[0] == "label"]
+        if labels and rng.random() < 0.6:
+            lines.append(("jump", str(rng.choice(labels))))
+    return lines
+
+
+@given(generators)
+def test_frames_that_a_program_sets_to_numbers_are_those_of_every_run(rng: np.random.Generator):
+    """What is read is so whatever registers and frames held before, and however its branches go."""
+    lines = random_lines(rng)
+    text = [one for k, line in enumerate(lines) for one in written_line(k, line)]
+    positions = {
+        str(k + 1): pose(10.0, 20.0, 30.0, frames=f"UF : {line[1]}, UT : {line[2]}")
+        for k, line in enumerate(lines) if line[0] == "motion"
+    }  # fmt: skip
+    program = read_tp([listing(text, positions)], robot=R2000)
+    read = {int(move.end.name[2:-1]) - 1: move for move in program.motions}
+    for _ in range(4):
+        for k, visits in Machine(rng, lines).run().items():
+            for frame, tool in visits if k in read else ():
+                np.testing.assert_allclose(read[k].part.T, world_in_base(R2000) @ placed(frame), atol=1e-12)
+                np.testing.assert_allclose(read[k].tool.T, placed(tool), atol=1e-12)
+    if not [line for line in lines if line[0] in ("label", "unknown")]:  # one way: what is set whole before is read
+        held, whole = set[tuple[str, str]](), dict[str, set[str]]()
+        for k, line in enumerate(lines):
+            match line:
+                case ("component", n, j, _):
+                    whole.setdefault(n, set()).add(j)
+                case ("UFRAME" | "UTOOL" as kind, n, register):
+                    (held.add if len(whole.get(register, ())) == 6 else held.discard)((kind, n))
+                case (_, n, m):
+                    assert (k in read) == ({("UFRAME", n), ("UTOOL", m)} <= held)
+                case _:
+                    pass
+
+
+def placed(values: list[float]) -> np.ndarray:
+    """X Y Z W P R, millimetres and degrees."""
+    x, y, z, w, p, r = values
+    R = se3.rotation("z", np.radians(r)) @ se3.rotation("y", np.radians(p)) @ se3.rotation("x", np.radians(w))
+    return se3.translation(x * 1e-3, y * 1e-3, z * 1e-3) @ R
+
+
+@pytest.mark.parametrize("between", ["  CALL INSIDE", "  RUN INSIDE"])
+def test_what_another_program_may_have_set_is_not_known(between: str):
+    sets = [f"  PR[2,{j}]={j}.5" for j in range(1, 7)]
+    lines = [
+        *sets,
+        "  UFRAME[1]=PR[2]",
+        "  UTOOL[1]=PR[2]",
+        "  UFRAME_NUM=1",
+        "  UTOOL_NUM=1",
+        "L P[1] 9mm/sec FINE",
+        between,
+        "L P[2] 9mm/sec FINE",
+    ]
+    positions = {str(k): pose(100.0, 200.0, 300.0) for k in (1, 2)}
+    inside = listing(["  UFRAME[1]=PR[3]"], {}, "INSIDE")
+    for sources, known in (([], 2 if "CALL" in between else 0), ([inside], 1 if "CALL" in between else 0)):
+        program = read_tp([listing(lines, positions), *sources], robot=R2000)
+        assert len(program.motions) == known
+        assert all("is set in the program" in one.text for one in program.diagnostics if one.unread)

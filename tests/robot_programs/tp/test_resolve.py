@@ -69,7 +69,7 @@ def test_registers_count_in_the_active_frames():
         (["  P[2]=LPOS", "L P[2] 10mm/sec FINE"], r"P\[2\] is set in the program"),
         (["  P[R[1]]=LPOS", "L P[2] 10mm/sec FINE"], r"P\[2\] is set in the program"),
         (["  UFRAME_NUM=2", "L P[2] 10mm/sec FINE"], "counts from UFRAME 1, and UFRAME 2 is active"),
-        (["  UFRAME[1]=PR[5]", "L P[2] 10mm/sec FINE"], r"UFRAME\[1\] is set in the program"),
+        (["  UFRAME[1]=PR[3]", "L P[2] 10mm/sec FINE"], r"UFRAME\[1\] is set in the program"),
         (["  $MNUTOOL[1,1]=PR[5]", "L P[2] 10mm/sec FINE"], r"UTOOL\[1\] is set in the program"),
         (["J PR[1] 10% FINE"], r"PR\[1\] counts from the active UFRAME"),
         ([*SET, "  PR[1,3]=R[4]", "J PR[1] 10% FINE"], r"PR\[1\] is set in the program"),
@@ -105,11 +105,12 @@ def _has(text: str, pattern: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    "between", ["  LBL[1]", "  CALL OTHER", "  JMP LBL[2]", "  ENDIF", "  OPEN HAND 1", "L P[99] 10mm/sec FINE"]
+    "between",
+    ["  LBL[1]", "  LBL[R[1]]", "  CALL OTHER", "  JMP LBL[2]", "  ENDIF", "  OPEN HAND 1", "L P[99] 10mm/sec FINE"],
 )
 def test_start_is_unknown_after_branches_and_calls(between):
     """The start is not known behind a branch a call or a motion that is not."""
-    program = read(*SET, "L P[2] 10mm/sec FINE", between, "L P[3] 10mm/sec FINE")
+    program = read(*SET, "L P[2] 10mm/sec FINE", between, "L P[3] 10mm/sec FINE", "  IF R[1]=1,JMP LBL[1]")
     assert [move.follows for move in program.motions] == [None, None]
 
 
@@ -220,6 +221,7 @@ def test_registers_are_known_behind_a_program_of_the_files():
 
 
 def test_registers_are_unknown_behind_nested_strange_calls():
-    assert programs(MAIN=["  CALL PICK", UP], PICK=[UP, "  CALL OTHER"]) == []
+    assert programs(MAIN=["  CALL PICK", UP], PICK=[UP, "  CALL OTHER"]) == ["PICK"]
+    assert programs(MAIN=["  LBL[1]", "  CALL PICK", "  JMP LBL[1]"], PICK=[UP, "  CALL OTHER"]) == []
     assert programs(MAIN=["  CALL OTHER", "  CALL PICK"], PICK=[UP]) == []
     assert programs(MAIN=[UP, "  CALL OTHER"], PICK=[UP]) == ["MAIN", "PICK"]

@@ -147,10 +147,30 @@ def test_a_loop_over_a_list_goes_to_each_element():
         (("global x = 0.1", "def other(x):", "x = 0.7", "end", "other(3)"), 0.1),
         (("x = 0.1", "while True:", "x = x + 0.1", "if x > 0.25:", "break", "end", "end"), 0.1 + 0.1 + 0.1),
         (("q = p[0.6,0,0,0,0,0]", "q[0] = 0.8", "x = q[0]"), 0.8),
-        (("x = 0.2", "if get_digital_in(0):", "x = 0.2", "end"), 0.2),
         (("x = 0.1", "if True:", "x = 0.2 end"), 0.2),
         (("x = 0.1", 'textmsg("it\'s")'), 0.1),
         (("x = 0.1", "thread t():", "y = 2", "end", "handle = run t()", "kill handle"), 0.1),
+        (("s = struct(at=0.1, to=p[0.5, 0, 0, 0, 0, 0])", "s.at = s.to[0] + 0.2", "x = s.at"), 0.7),
+        (("global n = 0.5", "def next():", "n = n + 0.1", "return n", "end", "x = n + next()"), 1.1),
+        (
+            ("def one():", "return 0.1", "end", "x = 0", "while x < one() * 4:", "x = x + one()", "end"),
+            0.1 + 0.1 + 0.1 + 0.1,
+        ),
+        (
+            (
+                "n = 0.1",
+                "def is_on():",
+                "n = n + 0.1",
+                "return n > 1",
+                "end",
+                "if n > 0:",
+                "x = n",
+                "elif is_on():",
+                "x = 0",
+                "end",
+            ),
+            0.1,
+        ),
     ],
 )
 def test_variables_are_followed(lines, value):
@@ -184,10 +204,10 @@ def test_variables_are_followed(lines, value):
         (("movel(" + "[" * 5000 + "x" + "]" * 5000 + ")",), "not understood"),
         (("movel(x" + "[0]" * 5000 + ")",), "not understood"),
         (("movel(" + "-" * 5000 + "x)",), "not understood"),
-        (("x = [1, 2]", "while read_port_bit(1):", "x = [x, x]", "end", "movel(x)"), "further down"),
+        (("x = [1, 2]", "while read_port_bit(1):", "x = [x, x]", "end", "movel(x)"), "neither a pose"),
         (("x = [1]", "n = 0", "while n < 900:", "n = n + 1", "x = [x, x]", "end", "movel(x)"), "neither a pose"),
         (("x = [1]", "n = 0", "while n < 900:", "n = n + 1", "x[0] = x", "end", "movel(x)"), "movel stays as it is"),
-        (("def f(n):", "return f(n) + 1", "end", "movel(p[f(1), 0, 0, 0, 0, 0])"), "returns"),
+        (("def f(n):", "return f(n) + 1", "end", "movel(p[f(1), 0, 0, 0, 0, 0])"), "the value of f()"),
     ],
 )
 def test_what_only_the_controller_knows_is_diagnosed(lines, reason):
@@ -220,6 +240,31 @@ def test_a_function_that_no_file_has_is_named_once():
     assert [m.follows for m in program.motions] == [None, None]
 
 
+@pytest.mark.parametrize(
+    ("call", "known"), [("set_payload(0.5)", True), ("set_gripper(3)", False), ("get_part()", False), ("set_pos(home)", None),
+                        ("arm.go()", False), ("server.ask()", True)],
+)  # fmt: skip
+def test_where_the_robot_is_after_a_function_by_what_the_manual_states(call, known):
+    """Names that begin alike tell nothing: what is neither in the manual nor in the files is said, and may move the robot."""
+    program = read("server = rpc_factory('xmlrpc', 'http://10.0.0.1')", "movel(Waypoint_1_p)", call, "movel(Plane_1)")
+    assert program.motions[1].follows == (0 if known else None)
+    assert bool(program.diagnostics) == (known is False)
+
+
+def test_many_branches_with_functions_are_read():
+    lines = [line for k in range(300) for line in (f"elif is_on({k}):", "n = 1")]
+    move = only(
+        "def is_on(n):", "return get_digital_in(n)", "end", "if is_on(0):", "n = 0", *lines, "end", "movel(Plane_1)"
+    )
+    np.testing.assert_allclose(move.end.T[:3, 3], [0.4, -0.2, 0.1])
+
+
+def test_motions_behind_a_bracket_that_is_open_are_named():
+    program = read("movel(Waypoint_1_p", "movel(Plane_1)", "movej(Waypoint_1_q)")
+    assert not program.motions
+    assert [one.place.line for one in program.diagnostics if one.unread] == [6, 7, 8]
+
+
 def test_time_takes_the_place_of_speed_and_is_not_divided():
     move = only("movel(Waypoint_1_p, v=0.1, t=2)")
     assert (move.speed, move.divisible) == (None, False)
@@ -248,3 +293,38 @@ def test_what_is_no_program_is_refused_with_its_place(text, line, words):
         read_urscript((source(text),))
     assert refused.value.line == line
     assert "prog.script" in str(refused.value)
+
+
+THREADS = {
+    "in a thread": ("thread t():", "while True:", "{0}", "sleep(0.1)", "{1}", "end", "end"),
+    "in a function of a thread": ("def hand():", "{0}", "{1}", "end", "thread t():", "hand()", "end"),
+    "in a branch of a thread": ("thread t():", "if get_standard_digital_in(0):", "{0}", "else:", "{1}", "end", "end"),
+}
+BY_HAND = ("freedrive_mode()", "end_freedrive_mode()"), ("teach_mode()", "end_teach_mode()")
+MOVING_OFF = ("path_offset_enable()", "path_offset_disable()"), ("force_mode(x, y, z, 2, w)", "end_force_mode()")
+
+
+@pytest.mark.parametrize("kind", THREADS)
+@pytest.mark.parametrize("calls", [*BY_HAND, *MOVING_OFF])
+def test_a_thread_unreads_motions_only_if_it_moves_the_tool_off_their_targets(kind, calls):
+    """A person who moves the arm leaves the targets where they are, which is said."""
+    lines = [line.format(*calls) for line in THREADS[kind]]
+    motions = ["handle = run t()", "movej(Waypoint_1_q)", "movel(Waypoint_1_p)", "movep(Waypoint_1_p)"]
+    program, plain = read(*lines, *motions), read(*motions[1:])
+    said = [one for one in program.diagnostics if "a thread may let a person move the arm" in one.text]
+    if calls in BY_HAND:
+        assert [(move.kind, move.follows) for move in program.motions] == [(m.kind, m.follows) for m in plain.motions]
+        assert [program.sources[0].text.split("\n")[one.place.line - 1].strip() for one in said] == [calls[0]]
+    else:
+        assert not program.motions
+        assert not said
+
+
+@pytest.mark.parametrize("calls", BY_HAND)
+def test_no_motion_is_read_while_the_program_itself_lets_a_person_move_the_arm(calls):
+    begin, end = calls
+    program = read("movel(Waypoint_1_p)", begin, "movel(Waypoint_1_p)", end, "movel(Waypoint_1_p)")
+    lines = [move.place.line for move in program.motions]
+    assert len(lines) == 2
+    assert lines[1] - lines[0] == 4
+    assert program.motions[1].follows is None

@@ -1,0 +1,567 @@
+"""A KRL module with functions of an E6POS and a FRAME that move points while the program runs, for the active tool and base.
+
+Positions are in millimetres and three angles, functions in degrees, numbers in single precision (KUKA System Software, Operating
+and Programming Instructions for System Integrators: REAL, FRAME, E6POS, status and turn, geometric operator, B_AND, DEFFCT,
+$POS_ACT, $AXIS_ACT, HALT). By the section on status and turn these count in PTP alone; a line or an arc keeps the status with
+which it begins, and so does a PTP to a point without status, whose turns are those of the shortest way. The axes are computed here
+from the status, since the manuals for programmers do not describe INVERSE.
+
+Points of motions are put through these functions as far as the text tells which they may be.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+from math import cos, degrees
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robot_programs.core.form import Text
+from robot_programs.core.helper import Computed, Dialect, HelperModule, single
+from robot_programs.core.program import Unresolved, Wrapped, pose_numbers
+from robot_programs.core.robot import Robot, arm_bends, meeting_point
+from robot_programs.core.source import Source, TextEdit
+from robot_programs.krl.data import BUILT_IN, PLACES, POSE, File, Names, Routine
+from robot_programs.krl.points import Status
+from robot_programs.krl.syntax import (
+    RELATIVE_MOTIONS,
+    Aggregate,
+    Assignment,
+    Call,
+    Control,
+    Declaration,
+    MotionLine,
+    Operand,
+    Reference,
+    Statement,
+    Word,
+    whole_call,
+)
+from taskcal_groundwork import se3
+from taskcal_groundwork.errors import InputError
+
+KRL = Dialect(
+    number=single,
+    functions={
+        "sin": "SIN({0})", "cos": "COS({0})", "sqrt": "SQRT({0})", "fabs": "ABS({0})", "atan2": "ATAN2({0},{1})",
+    },
+    variable="T[{0}]",
+    assignment="{0}={1}",
+    degrees={f"Q[{k}]": f"J[{k}]" for k in range(1, 7)}
+    | {f"{of}.{a}": f"{of}.{a}" for of in ("P", "W", "H") for a in "ABC"},
+)  # fmt: skip
+
+JOINTS, SIDES = tuple(KRL.degrees or ())[:6], tuple(f"S[{k}]" for k in range(1, 4))
+"""Joint positions, radians; and the sides of axes 1, 3 and 5."""
+
+RESULTS = tuple(f"D[{k}]" for k in range(1, 12))
+"""Shift in the base, millimetres; half of the turn; and what the changes of the angles follow from."""
+
+AXES = (*(f"A[{k}]" for k in range(1, 7)), "M[1]", "M[2]")
+"""Axes of a flange, degrees, and two numbers that are negative where there are none."""
+
+BORDER_DEG = 1e-2
+"""Nearer to zero an axis has the turn that its angle has, whatever T says: single precision does not tell its side."""
+
+MAX_ARC_DEG = 350.0
+"""Arcs of larger angles nearly close, and have no middle that tells the way."""
+
+FLAT_ARC_SINE = 0.1
+"""Of the angle in which two of the three points of a circle are seen from the third: with a smaller one, the end of an arc on it
+would be off by more than 25 times what its points are, which single precision and the inverse have to 0.4 µm."""
+
+
+def krl_helper(
+    module: HelperModule,
+    first: Source,
+    axes: Computed,
+    sides: Sequence[float],
+    T_world_base: Float[np.ndarray, "4 4"] | None,
+    *,
+    stops_with_axes: bool,
+) -> Source:
+    """The module, whose correction computes `RESULTS`.
+
+    Args:
+        module: what it computes.
+        first: file of the program.
+        axes: compute `AXES`.
+        sides: of axes 1, 3 and 5 for a status of zero.
+        T_world_base: where the robot stands; None for where the controller has it.
+        stops_with_axes: external axes may carry the robot or the part.
+    """
+    root = "$ROBROOT"
+    if T_world_base is not None:
+        numbers = zip("XYZABC", pose_numbers(T_world_base), strict=True)
+        root = "{FRAME: " + ",".join(f"{name} {single(value)}" for name, value in numbers) + "}"
+    stop = ("IF $EX_AX_NUM>0 THEN", "TaskcalStop ( ) ; external axes may carry robot or part", "ENDIF")
+    words = {
+        "AXES": "\n".join(stop) if stops_with_axes else "",
+        "SIDES": "\n".join(f"SIDES[{k}]={side:.1f}" for k, side in enumerate(sides, start=1)),
+        "ROOT": root, "BORDER": single(BORDER_DEG), "JOINT": single(degrees(module.joint)), "MAX_ARC": single(MAX_ARC_DEG),
+        "FLAT": single(FLAT_ARC_SINE**2), "SHIFT": single(module.shift * 1e3), "COSINE": single(cos(0.5 * module.turn) ** 2),
+        "SETTLED_MM": single(module.settled * 1e3), "LEVER_MM": single(module.lever * 1e3),
+        "AXES_VARIABLES": str(max(axes.variables, 1)), "AXES_BODY": "\n".join(axes.lines),
+        "BODY": "\n".join(module.correction.lines),
+    }  # fmt: skip
+    return module.written("krl", ".src", first, words, inside=False)
+
+
+# The inverse of the nominal robot in closed form: an arm of two parallel axes across axis 1, and a wrist whose axes meet.
+
+
+PROBES = 24
+"""Postures in which an arm's inverse and the sides that status tells apart are compared with the robot itself."""
+
+PROBE_RAD = 0.1
+"""By which each joint is turned, to see about which end of its axis it counts."""
+
+CLEAR = 1e-9
+"""Smaller numbers of an arm's geometry, metres or parts of one, are zero."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BentArm:
+    """Geometry of an arm with a spherical wrist, all joints at zero."""
+
+    axes: Float[np.ndarray, "6 3"]
+    origins: Float[np.ndarray, "6 3"]
+    """A point of each axis, metres."""
+    flange: Float[np.ndarray, "4 4"]
+    wrist: Float[np.ndarray, " 3"]
+    """Where the last three axes meet."""
+    sides: tuple[float, ...] = (1.0, 1.0, 1.0)
+    """Of axes 1, 3 and 5, as `joints` takes them, for a status S of zero; each of its bits changes one."""
+
+    @classmethod
+    def of(cls, robot: Robot, limits: Float[np.ndarray, "6 2"]) -> "BentArm":
+        """The arm of a robot.
+
+        Args:
+            robot: the robot.
+            limits: between which it is looked at, radians.
+
+        Raises:
+            InputError: it is none, or S does not tell its sides apart.
+        """
+        refused = InputError(f"--helper: {robot.name} is no arm with a spherical wrist, which a helper in KRL needs")
+        zero = np.zeros((1, len(robot.joint_names)))
+        if arm_bends(robot, zero) is None:
+            raise refused
+        frames = robot.joint_frames(zero)[0]
+        to_flange = se3.inverse(robot.T_flange_tool)
+        wrist, _ = meeting_point(frames[3:])
+        turned = robot.tool_poses(PROBE_RAD * np.eye(6))[:, :3, :3] @ robot.tool_poses(zero)[0, :3, :3].T
+        axes = np.sign((se3.log(turned) * frames[:, :3, 2]).sum(axis=1))[:, None] * frames[:, :3, 2]
+        arm = cls(axes=axes, origins=frames[:, :3, 3], flange=robot.tool_poses(zero)[0] @ to_flange, wrist=wrist)
+        if max(abs(arm.axes[4] @ arm.axes[3]), abs(arm.axes[4] @ arm.axes[5])) > CLEAR:
+            raise refused
+        lower, upper = limits.T
+        q = lower + (upper - lower) * np.random.default_rng(0).uniform(0.1, 0.9, size=(PROBES, 6))
+        choices = np.array(list(product((1.0, -1.0), repeat=3)))
+        found = set[tuple[float, ...]]()
+        for own, T in zip(q, robot.tool_poses(q) @ to_flange, strict=True):
+            off = [np.abs(np.sin(0.5 * (arm.joints(T[:3, :3], T[:3, 3], one)[0] - own))).max() for one in choices]
+            S = Status(S=0, T=None).of(robot, own).S or 0
+            if min(off) > CLEAR * 1e3:
+                raise refused
+            found.add(tuple(choices[int(np.argmin(off))] * [1.0 - 2.0 * (S >> bit & 1) for bit in range(3)]))
+        if len(found) > 1:
+            raise refused
+        return replace(arm, sides=found.pop())
+
+    def joints(self, R: Any, p: Any, sides: Any) -> tuple[Any, Any]:
+        """Joint positions of a pose of the flange in the base: numbers or expressions.
+
+        Args:
+            R: its rotation.
+            p: its place, metres.
+            sides: plus or minus one, of axes 1, 3 and 5.
+
+        Returns:
+            The six, radians; and two numbers that are negative where there are none: for axis 1, and for axis 3.
+        """
+        z, u = self.axes[:2]
+        across = np.array([u, np.cross(z, u), z])  # its last two span the plane of the arm, where all axes are at zero
+        plane = lambda point: _clear(across[1:] @ (point - self.origins[0]))  # noqa: E731
+        r = _clear(across) @ (p + R @ _clear(self.flange[:3, :3].T @ (self.wrist - self.flange[:3, 3])))
+        r = r - _clear(across @ self.origins[0])
+        # Axis 1: the wrist's distance from the plane of axis 1 along axis 2 is what it was
+        offset = _clear(u @ (self.wrist - self.origins[0]))
+        square = r[0] * r[0] + r[1] * r[1]
+        ahead = square - offset * offset
+        forward = sides[0] * np.sqrt(abs(ahead))
+        cosine, sine = offset * r[0] - forward * r[1], offset * r[1] + forward * r[0]
+        q1, c1, s1 = np.arctan2(sine, cosine), cosine / square, sine / square
+        # Axes 2 and 3: two sides of a triangle in the plane
+        second, third = plane(self.origins[1]), plane(self.origins[2])
+        arm, forearm = third - second, plane(self.wrist) - third
+        d = np.array([-1.0 * forward, r[2]]) - second
+        reach = d[0] * d[0] + d[1] * d[1]
+        along, aside = arm @ forearm, arm[0] * -forearm[1] + arm[1] * forearm[0]
+        cosine3 = 0.5 * (reach + -1.0 * (arm @ arm + forearm @ forearm))
+        bend = (arm @ arm) * (forearm @ forearm)
+        elbow = bend - cosine3 * cosine3
+        height = sides[1] * np.sqrt(abs(elbow))
+        cf, sf = along * cosine3 - aside * height, aside * cosine3 + along * height
+        turned = np.array([cf * forearm[0] - sf * forearm[1], sf * forearm[0] + cf * forearm[1]]) * (1.0 / bend) + arm
+        dot, cross = turned[0] * d[0] + turned[1] * d[1], turned[0] * d[1] - turned[1] * d[0]
+        q2, q3 = np.arctan2(cross, dot), np.sign(self.axes[2] @ u) * np.arctan2(sf, cf)
+        # The wrist: what is left of the rotation behind axis 3, in the axes of `across`
+        c23, s23 = (cf * dot - sf * cross) / (bend * reach), (sf * dot + cf * cross) / (bend * reach)
+
+        def behind_arm(axis: Float[np.ndarray, " 3"]) -> Any:
+            x, y, w = _clear(across) @ (R @ _clear(self.flange[:3, :3].T @ axis))
+            x, y = c1 * x + s1 * y, c1 * y - s1 * x
+            return np.array([x, c23 * y + s23 * w, c23 * w - s23 * y])
+
+        Z, Y = (_clear(across @ self.axes[k]) for k in (3, 4))
+        X, last, cross_axis = np.cross(Y, Z), behind_arm(self.axes[5]), behind_arm(self.axes[4])
+        nx, ny, nz = X @ last, Y @ last, Z @ last
+        straight = np.arctan2(X @ across @ self.axes[5], Z @ across @ self.axes[5])
+        fifth = sides[2] * (nx * Y - ny * X)
+        return np.array(
+            [
+                q1,
+                q2,
+                q3,
+                np.arctan2(sides[2] * ny, sides[2] * nx),
+                np.arctan2(sides[2] * np.sqrt(nx * nx + ny * ny), nz) - straight,
+                np.arctan2(cross_axis @ np.cross(last, fifth), cross_axis @ fifth),
+            ],
+        ), (ahead, elbow)
+
+
+def _clear(values: Any) -> Any:
+    """Numbers of a robot's geometry, what is nearly zero or one exactly so, which then costs nothing."""
+    near = np.round(values)
+    return np.where(np.abs(values - near) < CLEAR, near, values)
+
+
+# Points that only the running program knows, put through a function: which may be, and where they stand.
+
+MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
+"""Those to points, of which a function makes others."""
+
+OF_PATH, OF_FRAME, OF_HERE, OF_ARC = "Path", "Frame", "Here", "Arc"
+
+ENDINGS = ("", OF_PATH, OF_FRAME)
+"""Of the names of three functions: of an E6POS of a PTP; of one of a line or arc, which keeps the status before; of a FRAME. Two
+others give where the tool truly is, of which motions by a distance begin (`OF_HERE`), and the point at an angle on the circle from
+there through two points (`OF_ARC`)."""
+
+FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA"})
+"""Variables of the controller's that are frames, arrays without their index."""
+
+HELD = ("$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA")
+"""Those that motions are counted in."""
+
+CARRIED = frozenset({"EK", "LK", "EB"})
+"""Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
+
+_COUPLED = re.compile(
+    r"#(?:EX|LK|EB)_BASE\b|MACHINE_FRAME_DAT(?=\[\d+\]\s*=\s*\{[^}]*MACH_DEF_INDEX\s+[1-9])", re.IGNORECASE
+)
+"""A command by which BAS has them set a base, or a base of ``$config.dat`` that stands on another kinematic system."""
+
+_HANDED = re.compile(r"\$IPO_MODE\s*=\s*#TCP\b|\bIPO_FRAME\s+#TCP\b", re.IGNORECASE)
+
+MEASURING = frozenset(
+    {*PLACES, "$POS_INT", "$AXIS_INT", "$POS_RET", "$AXIS_RET", "$POS_FOR", "$AXIS_FOR", "$POS_BACK", "FORWARD"}
+)
+"""Where the robot is or was: numbers of the nominal robot for where the true one stands."""
+
+
+def wrap(files: Sequence[File], motions: Container[Text], function: str, without: Container[str]) -> Iterator[Wrapped]:
+    """Some motions, each with the edits that put a function around its points.
+
+    Args:
+        files: of the program.
+        motions: places of motions.
+        function: name of a function of an E6POS whose status and turn count; the names of two others begin with it, see `ENDINGS`.
+        without: names of tools and bases, in lower case, one of which the program may have active.
+    """
+    names = Names(files=tuple(files))
+    measured = _Measured.of(names)
+    elsewhere: dict[Text, Wrapped] = {}
+    own = [file for file in files if file.module != BUILT_IN]
+    named = {name for file in own for name in file.mentions}
+    coupled = (match[0] for file in own if (match := _COUPLED.search(file.source.text)))
+    carried = next(iter(sorted(named & CARRIED)), "") or next(coupled, "")
+    handed = any(_HANDED.search(file.source.text) for file in own)
+
+    def edits(line: MotionLine, routine: Routine) -> Iterator[TextEdit]:
+        if carried:
+            raise Unresolved(f"a base may be moved ({carried})")
+        if handed:
+            raise Unresolved("the robot may hold the part ($IPO_MODE #TCP), where the function only stops the program")
+        if without:
+            raise Unresolved("a tool or base was measured, and it is not known which is active")
+        if names.orients and not line.keyword.startswith(("PTP", "SPTP")):
+            raise Unresolved(
+                "it may keep the orientation in which it begins ($ORI_TYPE), which the function does not see"
+            )
+        elsewhere.update(measured.elsewhere(routine))
+        _expect_points(line, routine, measured, named)
+        if line.keyword in RELATIVE_MOTIONS:
+            yield from _from_here(line, routine, function)
+        elif line.angle:
+            yield from _to_angle(line, routine, files, function)
+        else:
+            yield from (_around(one, line, routine, files, function) for one in line.operands)
+
+    for routine in (routine for file in files for routine in file.sections):
+        source = routine.file.source
+        for line in routine.lines:
+            if isinstance(line, MotionLine) and (routine.file.number, line.start) in motions:
+                yield Wrapped.of(source.place(line.start), line.keyword, edits(line, routine))
+    yield from elsewhere.values()
+
+
+def calls_function(line: Statement, function: str) -> bool:
+    """Whether a function stands around a point of a motion."""
+    names = {f"{function}{ending}".upper() for ending in ENDINGS}
+    return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
+
+
+def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", named: Container[str]) -> None:
+    """See that a motion goes to points of which a function can make others.
+
+    Raises:
+        Unresolved: it does not.
+    """
+    relative = line.keyword in RELATIVE_MOTIONS
+    if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble or (relative and line.angle):
+        raise Unresolved("it does not go to points that it names")
+    if line.keyword.startswith("S") and "SPLINE" in named:
+        raise Unresolved("it may be part of a SPLINE")
+    if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
+        raise Unresolved("it sets tool or base for itself, which the function does not see")
+    # a distance is the same in whatever base: only the way along its axes counts
+    for name in (*(name for operand in line.operands for name in _names(line, operand)), *(() if relative else HELD)):
+        if measured.says(measured.names.key(routine, name), routine):
+            raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
+
+
+def _names(line: MotionLine, operand: Operand) -> Iterator[str]:
+    """Names of which a point is made, without those of components and indices."""
+    yield from (part.name.partition("[")[0] for part in operand.parts if isinstance(part, Reference))
+    yield from (word.upper for word in line.words_of(operand) if word.kind == "name")
+    texts = (one.text for part in operand.parts if isinstance(part, Aggregate) for one in part.fields)
+    yield from (name.upper() for text in texts for name in re.findall(r"[A-Za-z_$][\w$]*", text))
+
+
+def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> TextEdit:
+    """A point with the function around it that serves its type.
+
+    What ``:`` gives has the type of its right side, and status and turn count in PTP alone (KUKA System Software, geometric
+    operator; status and turn): the product with a FRAME is one, whatever stands before it.
+
+    Raises:
+        Unresolved: it has none.
+    """
+    text, joint = routine.file.source.text[operand.start : operand.end], line.keyword.endswith("PTP")
+    parts = operand.parts
+    if [_type_of(part, routine, files) for part in parts] == ["E6POS"] and isinstance(parts[0], Reference):
+        return TextEdit(start=operand.start, end=operand.end, text=f"{function}{'' if joint else OF_PATH}({text})")
+    frame = _as_frame(operand, line, routine, files)
+    return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+
+
+def _as_frame(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File]) -> str:
+    """A point as an expression of type FRAME.
+
+    Raises:
+        Unresolved: it may not be one; or the motion needs its status, and that is not known.
+    """
+    text, parts = routine.file.source.text[operand.start : operand.end], operand.parts
+    joint, own = line.keyword.endswith("PTP"), [_type_of(part, routine, files) for part in parts]
+    missing = [p for p in parts if isinstance(p, Aggregate) and not all(p.value(name) is not None for name in POSE)]
+    if missing or (parts and isinstance(parts[0], Aggregate)) or "AXIS" in "".join(own):
+        raise Unresolved("its point is no variable, and no product of variables and complete frames")
+    if not parts and not _own_functions(line, operand, files):
+        raise Unresolved("its point comes from a function that the files do not have")
+    if joint and own[-1:] != ["FRAME"]:
+        raise Unresolved(
+            "its point is neither declared as E6POS nor as FRAME, whose status and turn are then not known"
+        )
+    return text if own == ["FRAME"] else f"{text}:$NULLFRAME"
+
+
+def _to_angle(line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> Iterator[TextEdit]:
+    """An arc that ends at an angle as one to the point that is there.
+
+    Raises:
+        Unresolved: its points may be no frames.
+    """
+    text, (via, last) = routine.file.source.text, line.operands
+    points = ",".join(_as_frame(one, line, routine, files) for one in line.operands)
+    angle = text[line.angle[0].start : line.angle[-1].end]
+    for start, end, share in ((via.start, via.end, "0.5"), (last.start, line.angle[-1].end, "1.0")):
+        yield TextEdit(
+            start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({points},{share}*({angle})))"
+        )
+
+
+def _from_here(line: MotionLine, routine: Routine, function: str) -> Iterator[TextEdit]:
+    """A motion by a distance as one to the point that is so far from where the tool truly is.
+
+    Raises:
+        Unresolved: the distance is not stated by numbers along the axes alone.
+    """
+    text = routine.file.source.text
+    yield TextEdit(start=line.start, end=line.start + len(line.keyword), text=line.keyword.removesuffix("_REL"))
+    for operand in line.operands:
+        (*other, step) = operand.parts or (None,)
+        if (
+            other
+            or not isinstance(step, Aggregate)
+            or any(one.name not in "XYZ" and one.value != 0.0 for one in step.fields)
+        ):
+            raise Unresolved("its distance is not stated by X, Y and Z alone")
+        stated = {one.name: one.text for one in step.fields if one.name in "XYZ"}
+        whole = "{FRAME: " + ",".join(f"{name} {stated.get(name, 0)}" for name in POSE) + "}"
+        parts = (f"{function}{OF_HERE}()", whole) if line.along == "#TOOL" else (whole, f"{function}{OF_HERE}()")
+        point = f"{function}{OF_FRAME}({parts[0]}:{parts[1]})"
+        yield TextEdit(
+            start=operand.start, end=operand.end, text=f" {point}" if text[operand.start - 1].isalnum() else point
+        )
+    axes = (
+        re.search(rf"\s*{line.along}\b", text[line.operands[-1].end : line.end], re.IGNORECASE) if line.along else None
+    )
+    if axes is not None:
+        start = line.operands[-1].end + axes.start()
+        yield TextEdit(start=start, end=start + len(axes[0]), text="")
+
+
+def _own_functions(line: MotionLine, operand: Operand, files: Sequence[File]) -> bool:
+    """Whether all functions that compute a point stand in the files, or do geometry alone."""
+    words = line.words_of(operand)
+    called = {word.upper for word, behind in pairwise(words) if word.kind == "name" and behind.text == "("}
+    return bool(words) and called <= {head.name for file in files for head in file.heads} | {"INV_POS"}
+
+
+def _type_of(part: Aggregate | Reference, routine: Routine, files: Sequence[File]) -> str:
+    """Type of a part of a point; empty where it is not known."""
+    if isinstance(part, Reference):
+        if part.name.partition("[")[0] in FRAMES:
+            return "FRAME"
+        return _type(part.name, routine, files) or ("E6POS" if _of_inline_form(part.name, routine) else "")
+    return part.type or ("FRAME" if all(field.name in POSE for field in part.fields) else "")
+
+
+def _of_inline_form(name: str, routine: Routine) -> bool:
+    """Whether a point is one of an inline form, which declares it as E6POS; home positions are axes."""
+    of_point = {line.text for line in routine.lines if isinstance(line, Assignment) and line.variable == "FDAT_ACT"}
+    return name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
+
+
+def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
+    """Declared type of a variable; empty where it is not known, or there are several."""
+    own, module = name.partition("[")[0], routine.file.module
+    types = {
+        line.type
+        for line in routine.lines
+        if isinstance(line, Declaration)
+        for one in line.variables
+        if one.name == own
+    }
+    if not types:
+        types = {
+            line.type
+            for file in files
+            for line in file.statements
+            if file.holds_data
+            and isinstance(line, Declaration)
+            and (file.module == module or line.shared or file.serves_all)
+            for one in line.variables
+            if one.name == own
+        }
+    return next(iter(types)).upper() if len(types) == 1 else ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Measured:
+    """What the program's own variables have from where the robot stood."""
+
+    names: Names
+    places: dict[str, dict[Text, Routine]]
+    """By key of a variable, or name of a function: the lines that give it such a value, and their routines."""
+
+    @classmethod
+    def of(cls, names: Names) -> "_Measured":
+        """What is so in some files."""
+        own = [routine for file in names.files if file.module != BUILT_IN for routine in file.sections]
+        out = cls(names=names, places={})
+        called: dict[str, list[Routine]] = defaultdict(list)
+        for routine in own:
+            called[routine.name].append(routine)
+        before = -1
+        while before < (before := sum(map(len, out.places.values()))):
+            for routine in own:
+                for line in routine.lines:
+                    for key in out._given_by(line, routine, called):
+                        out.places.setdefault(key, {})[routine.file.number, line.start] = routine
+        return out
+
+    def says(self, key: str, routine: Routine) -> bool:
+        """Whether a variable has such a value in a routine.
+
+        Tools and bases that a program of its own measures count as what the data list states, as in all motions.
+        """
+        others = self.places.get(key, {}).values()
+        return key in MEASURING or any(key not in HELD or not self.names.is_apart(routine.name, o.name) for o in others)
+
+    def elsewhere(self, routine: Routine) -> dict[Text, Wrapped]:
+        """Where tools and bases are so in a program other than that of a routine."""
+        why = "it is set from where the robot stood, in a program of its own; its value is taken as true"
+        return {
+            (number, start): Wrapped(place=other.file.source.place(start), name=key, obstacle=why)
+            for key in HELD
+            for (number, start), other in self.places.get(key, {}).items()
+            if self.names.is_apart(routine.name, other.name)
+        }
+
+    def _given_by(self, line: Statement, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+        """Keys of what a line gives such a value."""
+        match line:
+            case Assignment():
+                call = whole_call(line.words)
+                given = set[str]() if call is None else self._passed(call, routine, called)
+                if self._any(line.words, routine):
+                    given.add(self.names.key(routine, line.variable.partition("[")[0]))
+                return given
+            case Control(keyword="RETURN") if self._any(line.words, routine):
+                return {routine.name}
+            case Call():
+                return self._passed(line, routine, called)
+            case _:
+                return set()
+
+    def _passed(self, call: Call, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+        """Keys of what a call gives such a value: parameters, and variables that are passed by reference."""
+        out, modes = set[str](), self.names.by_value.get(call.name, ())
+        for other in called.get(call.name, ()):
+            for k, (parameter, words) in enumerate(zip(other.parameters, call.arguments, strict=False)):
+                key = self.names.key(other, parameter)
+                if self._any(words, routine):
+                    out.add(key)
+                elif key in self.places and not (k < len(modes) and modes[k]):
+                    out |= self._keys(words, routine)
+        return out
+
+    def _any(self, words: Iterable[Word], routine: Routine) -> bool:
+        return any(self.says(key, routine) for key in self._keys(words, routine))
+
+    def _keys(self, words: Iterable[Word], routine: Routine) -> set[str]:
+        """Keys of the variables of which an expression is made."""
+        before = (None, *words)
+        return {
+            self.names.key(routine, word.upper)
+            for dot, word in pairwise(before)
+            if word is not None and word.kind == "name" and (dot is None or dot.text != ".")
+        }

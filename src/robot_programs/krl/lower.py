@@ -1,0 +1,914 @@
+"""KRL lowered to the one form: the statements of routines, from their words to nodes, with the names resolved.
+
+What the controller's own BAS does, and what tool, base and the other settings are set to, are assignments of data by the names of
+the system variables; see `Meaning` for what their operators make of frames.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+from robot_programs.core import flow
+from robot_programs.core.flow import Block, Node
+from robot_programs.core.form import (
+    Arming,
+    Ask,
+    Assign,
+    Check,
+    Do,
+    Expression,
+    Hole,
+    Lit,
+    Move,
+    Op,
+    Rec,
+    Ref,
+    Span,
+    Text,
+    inside,
+)
+from robot_programs.core.form import Routine as FormRoutine
+from robot_programs.core.kit import Cursor, Word
+from robot_programs.core.program import Reason
+from robot_programs.krl.data import (
+    BASE,
+    BUILT_IN,
+    MODE,
+    ORIENTATION,
+    PARAMETERS,
+    SETTINGS,
+    STATE,
+    STATUS,
+    TOOL,
+    Actions,
+    File,
+    Names,
+    Routine,
+    actions_of,
+    calls_of,
+    only_computes,
+)
+from robot_programs.krl.syntax import (
+    BLOCKS,
+    LOOPS,
+    SPLINES,
+    Aggregate,
+    Assignment,
+    Beside,
+    Call,
+    Control,
+    Field,
+    MotionLine,
+    Operand,
+    Reference,
+    Statement,
+    arguments_of,
+    bit_string,
+    changes_nothing,
+    closing,
+    lines_of_words,
+    parse_operand,
+    split_at_commas,
+    whole_call,
+    words_of,
+)
+from robot_programs.krl.values import (
+    COMPONENT,
+    FIELD,
+    FUNCTIONS_OF_NUMBERS,
+    IN,
+    NUMBERS,
+    WHOLE,
+    Real,
+    in_range,
+    structured,
+)
+
+FRAME, NUMBERED, OF_PARAMETERS, MODE_OF, CARRIED, STANDING, WITH, ORIENTED, PASSED = (
+    "frame", "numbered", "of parameters", "mode of", "carried", "standing", "with", "oriented", "passed",
+)  # fmt: skip
+"""Operators by which tool, base and other settings are set: a frame by its name, an element of a table, the frame and the mode of
+a set of parameters, a frame on an external kinematic system and one that is on none, a frame with one component, and $ORI_TYPE and
+$APO by sets of motion parameters."""
+
+TABLE_OF = {TOOL: "TOOL_DATA", BASE: "BASE_DATA"}
+_SETTING_OF = {key: name for name, key in SETTINGS.items()}
+_STRUCTURES = {
+    "$VEL": {"CP": "speed", "ORI1": "turn speed"},
+    "$APO": {"CDIS": "distance", "CPTP": "share"},
+}
+"""Settings that are components of a structure."""
+_BY_SETS = {"SIPO_MODE": MODE_OF, "SORI_TYP": ORIENTED}
+"""Functions of the inline forms that take a setting from a set of parameters."""
+
+MAX_DEPTH = 24
+"""Blocks in each other, in one routine, and labels to which a GOTO behind them leads."""
+
+_NULL = Word("name", "$NULLFRAME", 0)
+_ON_MECHANISMS = ("MACHINE_FRAME_DAT", "MACHINE_DEF")
+_COUPLED = {
+    "LK": "$BASE is linked by LK to another robot, and where that is this program does not tell",
+    "EB": "$BASE is linked by EB to a conveyor, and where that is this program does not tell",
+}
+_EK = "$BASE is set by EK in a way that is not understood; write EK(root, kinematic system, frame)"
+
+
+@dataclass(eq=False, kw_only=True)
+class Coded(FormRoutine):
+    """A routine with its text."""
+
+    section: Routine
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotionStep(Move):
+    """A motion instruction."""
+
+    statement: MotionLine
+    routine: Routine
+    counts: tuple[int, ...]
+    """How many of the points of the form each point of the text is made of; they are joined by ``:``."""
+    triggered: bool = False
+    """A TRIGGER acts along it."""
+    in_spline: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Steered(Check):
+    """A line that steers where the program goes on."""
+
+    statement: Control
+
+
+@dataclass(eq=False, kw_only=True)
+class Lowered:
+    """A program in the one form."""
+
+    files: Sequence[File]
+    names: Names
+    routines: dict[Routine, Coded] = field(default_factory=dict[Routine, Coded])
+    """In the order of the text."""
+    stray: list[FormRoutine] = field(default_factory=list[FormRoutine])
+    """In place of lines outside of any routine, what these set."""
+    actions: dict[Text, FormRoutine] = field(default_factory=dict[Text, FormRoutine])
+    """What runs beside the lines, by the place where it is declared."""
+    ran_by: dict[FormRoutine, tuple[str, str]] = field(default_factory=dict[FormRoutine, tuple[str, str]])
+    """What runs these, and what would end that, for messages."""
+    said: dict[tuple[int, int, str], None] = field(default_factory=dict[tuple[int, int, str], None])
+    """Diagnostics: number of the file, position and text."""
+    settings: dict[str, Expression] = field(default_factory=dict[str, Expression])
+    """On what motions depend beside their points that say nothing of it themselves."""
+
+    @cached_property
+    def read(self) -> frozenset[str]:
+        """Names that code reads anywhere, and those that BAS reads."""
+        own = frozenset({"LDAT_ACT", "PDAT_ACT", *TABLE_OF.values(), *STATE, *_STRUCTURES})
+        return own.union(*(file.read for file in self.files if not file.holds_data))
+
+    def routine(self, name: str) -> tuple[FormRoutine, ...]:
+        """Routines of a name."""
+        return tuple(self.routines[one] for one in self.names.routines.get(name, ()))
+
+    def computes(self, name: str) -> bool:
+        """Whether all routines of a name only compute a value."""
+        return all(only_computes(one, self.names.routines) for one in self.names.routines[name])
+
+    def say(self, file: File, position: int, text: str) -> None:
+        """Note something about a place."""
+        self.said[file.number, position, text] = None
+
+
+def lowered(names: Names) -> Lowered:
+    """A program in the one form, given what names mean in its files."""
+    files, found = names.files, Lowered(files=names.files, names=names)
+    for file in files:
+        for section in file.sections:
+            if section in names.routines.get(section.name, ()):
+                found.routines[section] = _header(section, names, submits=file.submits)
+    outside = (
+        one
+        for file in files
+        if not file.holds_data and file.module != BUILT_IN
+        for one in file.sections
+        if one.head is None
+    )
+    found.stray += [FormRoutine(name="", nodes=Scope(section, found).sets()) for section in outside if section.lines]
+    actions = actions_of(names)
+    for text, (section, line) in actions.declared.items():
+        assert line.action is not None
+        routine = FormRoutine(name=section.name, nodes=Scope(section, found).action(line.action))
+        found.ran_by[routine] = _source(section, line)
+        found.actions[text] = routine
+        if text in actions.resuming.get(section.name, ()):
+            routine.resumes = found.routines[section]
+        for called in calls_of(line.action):
+            for one in found.routine(called):
+                one.beside = True
+    for section, routine in found.routines.items():
+        own = actions.local.get(section.name, frozenset())
+        routine.disarms = frozenset(found.actions[text] for text in own)
+        routine.nodes = Scope(section, found, actions).nodes()
+    return found
+
+
+def _source(section: Routine, line: Beside) -> tuple[str, str]:
+    place = section.file.source.place(line.start)
+    match line.keyword, line.action:
+        case "INTERRUPT", Call(name=name):
+            source = f"{name}, which the interrupt of {place} calls"
+        case "TRIGGER", Call(name=name):
+            source = f"{name}, which the TRIGGER of {place} calls"
+        case keyword, _:
+            source = f"the {keyword} of {place}"
+    return source, "take it out" if line.keyword == "TRIGGER" else "turn that off"
+
+
+def _header(section: Routine, names: Names, *, submits: bool) -> Coded:
+    keys = tuple(names.key(section, name) for name in section.parameters)
+    assert section.head is not None
+    return Coded(
+        section=section, name=section.name, parameters=keys,
+        returning=frozenset(key for key, by_value in zip(keys, section.head.by_value, strict=True) if not by_value),
+        variables=tuple(sorted({names.key(section, name) for name in section.declared}.difference(keys))),
+        beside=submits,
+    )  # fmt: skip
+
+
+class Reader(Cursor):
+    """Expressions of KRL."""
+
+    # KUKA System Software, priority of operators
+    BINDING: ClassVar = {
+        "OR": 1, "EXOR": 2, "AND": 3, "==": 4, "<>": 4, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 5, "-": 5, "*": 6, "/": 6, ":": 7,
+    }  # fmt: skip
+    PREFIXES: ClassVar = {"NOT": 8, "-": 8, "+": 8}
+
+    def __init__(self, found: Sequence[Word], scope: "Scope", *, follows: bool = False, moves: bool = False):
+        """Read words of a routine.
+
+        Args:
+            found: the words.
+            scope: the routine.
+            follows: whether a function can be followed whose call is all of them.
+            moves: whether they are of a motion, in which functions change nothing that the files do not have.
+        """
+        super().__init__(found, scope.file)
+        self.scope, self.moves = scope, moves
+        self.follows = follows and whole_call(found) is not None
+
+    def operation(self, start: int, sign: str, *operands: Expression) -> Expression:
+        """What an operator makes of operands; a sign before a number belongs to it."""
+        (first, *others) = operands
+        if not others and sign in "+-" and isinstance(first, Lit) and type(first.value) is Real:
+            return Lit(at=self.span(start), value=Real(-first.value) if sign == "-" else first.value)
+        return super().operation(start, sign, *operands)
+
+    def single(self) -> Expression:
+        """Read a value in which no operator is outside of brackets."""
+        start, word = self.place, self.take()
+        self.height = 0
+        match word.kind, word.upper:
+            case "number", text:
+                value = in_range(float(text))
+                return Lit(at=self.span(start), value=value if text.isdecimal() else Real(value))
+            case "enum", text:
+                return Lit(at=self.span(start), value=text)
+            case "string", _ if (bits := bit_string(word.upper)) is not None:
+                return Lit(at=self.span(start), value=bits)
+            case "symbol", "(":
+                value = self.expression()
+                self.expect(")")
+                return value
+            case "symbol", "{":
+                return self._structure(start)
+            case "name", "TRUE" | "FALSE":
+                return Lit(at=self.span(start), value=word.upper == "TRUE")
+            case "name", name:
+                return self._function(name, start) if self.accept("(") else self._variable(name, start)
+            case _:
+                raise self.problem(f"'{word.text}' is not evaluated")
+
+    def _inner(self) -> Expression:
+        """An expression inside of another one."""
+        before = self.height
+        found = self.expression()
+        self.grow(max(before, self.height))
+        return found
+
+    def _variable(self, name: str, start: int) -> Expression:
+        path, called = (), name
+        if self.accept("["):
+            indices = [self._inner()]
+            while self.accept(","):
+                indices.append(self._inner())
+            self.expect("]")
+            path = (tuple(indices),)
+        value: Expression = self.scope.ref(name, self.span(start), path)
+        while self.accept("."):
+            component = self.take().upper
+            lit = Lit(at=self.span(start), value=(called, component))
+            value, called = Op(at=self.span(start), sign=COMPONENT, operands=(value, lit)), f"{called}.{component}"
+        return value
+
+    def _structure(self, start: int) -> Expression:
+        kind, parts = "", dict[Any, Expression]()
+        if self.behind_next.text == ":":
+            kind = self.take().upper
+            self.take()
+        while not self.accept("}"):
+            component, opening = self.take().upper, self.number
+            if self.next.text in ("[", "{") or component in parts:
+                raise self.problem(f"the component {component} is not evaluated")
+            value = self._inner()
+            text = " ".join(word.text for word in self.words[opening : self.number])
+            parts[component] = self.scope.part(component, text, value)
+            if not self.accept(",") and self.next.text != "}":
+                raise self.problem("a structure is not understood")
+        return Rec(at=self.span(start), kind=kind, parts=parts)
+
+    def _function(self, name: str, start: int) -> Expression:
+        arguments, ranges = list[Expression](), list[tuple[int, int]]()
+        while not self.accept(")"):
+            begins = self.number
+            if self.next.text == ",":
+                arguments.append(Hole(at=self.span(start), why="it is left out"))
+            else:
+                arguments.append(self._inner())
+            ranges.append((begins, self.number))
+            if not self.accept(",") and self.next.text != ")":
+                raise self.problem("')' is missing in an expression")
+        given = [self.words[begins:ends] for begins, ends in ranges]
+        return self.scope.asked(name, tuple(arguments), given, self.span(start), follows=self.follows, moves=self.moves)
+
+
+class Scope:
+    """A routine that is lowered."""
+
+    def __init__(self, section: Routine, found: Lowered, actions: Actions | None = None):
+        """Lower a section of a file; what runs beside the lines is none where it is lowered itself."""
+        self.section, self.found, self.actions = section, found, actions or Actions()
+        self.file = section.file.number
+        self.keys = dict[str, str]()
+        self.here = (self.file, 0, 0)
+        """Place of the line that is lowered."""
+        self.called = set[str]()
+        """Routines that the line calls which is lowered, as far as its expressions do."""
+
+    def at(self, line: Statement) -> Span:
+        """Place of a line."""
+        return self.file, line.start, line.end
+
+    # Names and expressions.
+
+    def ref(self, name: str, at: Span = (0, 0, 0), path: tuple[Any, ...] = ()) -> Ref:
+        """A variable, or a part of it."""
+        if name not in self.keys:
+            self.keys[name] = self.found.names.key(self.section, name)
+        return Ref(at=at, name=name, key=self.keys[name], path=path)
+
+    def named(self, words: Iterable[Word], at: Span) -> tuple[Ref, ...]:
+        """Variables that some words name."""
+        return tuple(self.ref(word.upper, at) for word in words if word.kind == "name")
+
+    def expression(self, words: Sequence[Word], *, follows: bool = False, moves: bool = False) -> Expression:
+        """The expression that some words are; a hole where they are none."""
+        if not words:
+            return Hole(at=(self.file, 0, 0), why="an expression ends too early")
+        called = set(self.called)
+        found = Reader(words, self, follows=follows, moves=moves).whole()
+        self.called = called if isinstance(found, Hole) else self.called
+        calls = isinstance(found, Hole) and any(word.text == "(" for word in words)
+        return self._perhaps(words, found) if calls and isinstance(found, Hole) else found
+
+    def _perhaps(self, words: Sequence[Word], hole: Hole) -> Expression:
+        """What is not understood, which may call what it names."""
+        return Ask(at=hole.at, name="", arguments=(hole,), changes=self.named(words, hole.at))
+
+    def rest(self, line: Statement, *others: Statement) -> Block:
+        """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise."""
+        called = (name for one in (line, *others) for name in calls_of(one))
+        names = [name for name in called if name in self.found.names.routines and name not in self.called]
+        routines = tuple(one for name in dict.fromkeys(names) for one in self.found.routine(name))
+        self.called.clear()
+        return (flow.Step(line=Do(at=self.at(line), routines=routines, sure=False)),) if routines else ()
+
+    def part(self, component: str, text: str, value: Expression) -> Expression:
+        """A component of a structure as it is written."""
+        if isinstance(value, Lit) and isinstance(value.value, float) and component in NUMBERS:
+            long = component not in STATUS
+            return Lit(at=value.at, value=Real(value.value)) if long else value
+        if component not in NUMBERS:
+            return value
+        return Op(at=value.at, sign=FIELD, operands=(value, Lit(at=value.at, value=(component, text))))
+
+    def asked(
+        self, name: str, arguments: tuple[Expression, ...], given: Sequence[Sequence[Word]], at: Span, *, follows: bool,
+        moves: bool,
+    ) -> Expression:  # fmt: skip
+        """The value of a function."""
+        if name in self.found.names.routines:
+            self.called.add(name)
+            by_value = self.found.names.by_value.get(name, ())
+            alone = not self._by_reference(arguments, by_value) and self.found.computes(name)
+            return Ask(
+                at=at, name=name, arguments=arguments, routines=self.found.routine(name),
+                changes=self._changed(arguments, given, by_value, at), sure=follows or alone,
+            )  # fmt: skip
+        if name == "INV_POS" or name in FUNCTIONS_OF_NUMBERS:
+            return Op(at=at, sign=name, operands=arguments)
+        words = () if moves or changes_nothing(name) else (word for one in given for word in one)
+        return Ask(at=at, name=name, arguments=arguments, changes=self.named(words, at))
+
+    @staticmethod
+    def _by_reference(arguments: Sequence[Expression], by_value: Sequence[bool]) -> bool:
+        return any(
+            isinstance(inner, Ref) for k, one in enumerate(arguments)
+            if not (k < len(by_value) and by_value[k]) for inner in inside(one)
+        )  # fmt: skip
+
+    def _changed(
+        self, arguments: Sequence[Expression], given: Sequence[Sequence[Word]], by_value: Sequence[bool], at: Span
+    ) -> tuple[Ref, ...]:
+        """What a call may change beside variables that it is given as a whole, which stand for its parameters.
+
+        A parameter that does not say how it is given may be changed (KUKA System Software, transfer of parameters).
+        """
+        found = list[Ref]()
+        for k, (argument, words) in enumerate(zip(arguments, given, strict=True)):
+            if not (k < len(by_value) and by_value[k]) and not isinstance(argument, Ref):
+                found += self.named(words, at)
+        return tuple(found)
+
+    # Lines.
+
+    def nodes(self) -> Block:
+        """All lines of the routine."""
+        kept = [line for line in self.section.lines if self._matters(line)]
+        blocks = _Blocks(lines=kept, scope=self)
+        nodes = blocks.body(None)
+        if blocks.odd is not None:
+            text = f"{blocks.odd.keyword} does not match the blocks of {self.section.name}; what holds behind it is not known"
+            self.found.say(self.section.file, blocks.odd.start, text)
+            nodes = tuple(node for line in kept for node in self.single(line, loops=0))  # side by side
+        return nodes
+
+    def _matters(self, line: Statement) -> bool:
+        """Whether a line is of any consequence for motions: not what sets a variable that nothing reads."""
+        match line:
+            case Assignment():
+                return line.variable in self.found.read or any(word.text == "(" for word in line.words)
+            case MotionLine() | Call() | Control() | Beside():
+                return True
+            case _:
+                return False
+
+    def single(self, line: Statement, *, loops: int) -> Block:
+        """A line that is no block.
+
+        Args:
+            line: the line.
+            loops: how many loops it stands in.
+        """
+        nodes = self._single(line, loops=loops) if isinstance(line, Control) else self.steps_of(line)
+        return (*self.rest(line), *nodes)
+
+    def _single(self, line: Control, *, loops: int) -> Block:
+        name = line.words[0].upper if line.words else ""
+        match line.keyword:
+            case "LABEL":
+                return (flow.Label(line=self.check(line), name=name),)
+            case "GOTO":
+                return (flow.Leave(line=self.check(line), way="jump", label=name),)
+            case "EXIT" if loops:
+                return (flow.Leave(line=self.check(line), way="exit"),)
+            case "RETURN":
+                own = (self.expression(line.words),) if line.words else ()
+                return (flow.Leave(line=self.check(line, *own), way="return"),)
+            case "RESUME":
+                return (flow.Leave(line=self.check(line), way="stop"),)
+            case _:
+                routines = tuple(one for called in calls_of(line) for one in self.found.routine(called))
+                return (flow.Unknown(line=Do(at=self.at(line), routines=routines, moves=True)),)
+
+    def check(self, line: Control, *conditions: Expression) -> Steered:
+        """A line that steers."""
+        return Steered(at=self.at(line), conditions=conditions, statement=line)
+
+    def steps_of(self, line: Statement) -> Block:
+        """An assignment, a call, a motion, or a line of what runs beside the lines."""
+        self.here = self.at(line)
+        match line:
+            case MotionLine():
+                return (flow.Step(line=self.motion(line)),)
+            case Assignment():
+                return tuple(flow.Step(line=one) for one in self._assignments(line))
+            case Call(name="BAS"):
+                return tuple(flow.Step(line=one) for one in self._bas(line))
+            case Call():
+                return (flow.Step(line=self._call(line)),)
+            case Beside():
+                return tuple(flow.Step(line=one) for one in self._beside(line))
+            case _:
+                return ()
+
+    def _call(self, line: Call) -> Do:
+        at, name = self.at(line), line.name
+        by_value = self.found.names.by_value.get(name, ())
+        arguments = tuple(
+            self.expression(words) if words else Hole(at=at, why="it is left out") for words in line.arguments
+        )
+        if name in self.found.names.routines:
+            self.called.add(name)
+            changes = self._changed(arguments, line.arguments, by_value, at)
+            return Do(at=at, routines=self.found.routine(name), arguments=arguments, changes=changes)
+        text = f"{name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
+        self.found.say(self.section.file, line.start, Reason(text, (name, "other")))
+        changes = tuple(ref for words in line.arguments for ref in self.named(words, at))
+        why = f"is changed by the program, at {self.section.file.source.place(line.start)}"
+        return Do(at=at, arguments=arguments, changes=changes, why=why, moves=True)
+
+    def sets(self) -> Block:
+        """What lines set, whenever they may run."""
+        own = (line for line in self.section.lines if isinstance(line, Assignment | Call) and self._matters(line))
+        return tuple(
+            node
+            for line in own
+            for node in (self.steps_of(line) if isinstance(line, Assignment) else self.strange(line))
+        )
+
+    def strange(self, line: Call) -> Block:
+        """What a call may change of a routine that the files do not have, and that does not move the robot."""
+        changes = tuple(ref for words in line.arguments for ref in self.named(words, self.at(line)))
+        return (flow.Step(line=Do(at=self.at(line), changes=changes)),) if changes else ()
+
+    def action(self, line: Statement) -> Block:
+        """What runs beside the lines."""
+        if not self._matters(line):
+            return ()
+        if isinstance(line, Call) and line.name not in (*self.found.names.routines, "BAS"):
+            return self.strange(line)
+        return self.steps_of(line)
+
+    def _beside(self, line: Beside) -> Iterator[Arming]:
+        text = (self.file, line.start)
+        for said in self.actions.missing.get(text, ()):
+            self.found.say(self.section.file, line.start, said)
+        for texts, on in ((self.actions.ended.get(text), False), (self.actions.started.get(text), True)):
+            routines = tuple(self.found.actions[one] for one in sorted(texts or ()) if self.found.actions[one].nodes)
+            if routines:
+                yield Arming(at=self.at(line), routines=routines, on=on)
+
+    # Assignments.
+
+    def _assignments(self, line: Assignment) -> Iterator[Assign]:
+        name, component = line.variable, line.component
+        if line.index is None and (name in TABLE_OF or name in (MODE, ORIENTATION, *_STRUCTURES)):
+            yield from self._set(self.setting(f"{name}.{component}" if component else name, line.words))
+            return
+        path = () if line.index is None else (tuple(self.expression(one) for one in split_at_commas(line.index)),)
+        target = self.ref(name, self.here, (*path, *component.split(".")) if component else path)
+        yield Assign(at=self.here, target=target, value=self._value(line))
+
+    def _value(self, line: Assignment) -> Expression:
+        stated = line.value.parts[0] if len(line.value.parts) == 1 else None
+        if isinstance(stated, Aggregate) and all(map(_is_plain, stated.fields)):
+            return self._stated(stated)
+        return self.expression(line.words, follows=True)
+
+    def _stated(self, stated: Aggregate) -> Lit:
+        at = (self.file, stated.start, stated.end)
+        return Lit(at=at, value=structured(stated, at))
+
+    def _set(self, settings: Mapping[str, Expression]) -> Iterator[Assign]:
+        for name, value in settings.items():
+            yield Assign(at=self.here, target=self.ref(SETTINGS[name], self.here), value=value)
+
+    def _op(self, sign: str, *operands: Expression) -> Op:
+        return Op(at=self.here, sign=sign, operands=operands)
+
+    def _lit(self, value: object) -> Lit:
+        return Lit(at=self.here, value=value)
+
+    def _unknown(self, why: str = "it is not known") -> Hole:
+        return Hole(at=self.here, why=why)
+
+    def setting(self, name: str, words: Sequence[Word]) -> dict[str, Expression]:
+        """What settings become by a value for a variable of the controller: of a line, or of one motion behind WITH.
+
+        Args:
+            name: of the variable, with its component.
+            words: the value.
+        """
+        function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+        variable, _, component = name.partition(".")
+        if variable in TABLE_OF:
+            value = self._component(variable, component, words) if component else self._frame(variable, function, words)
+            return {_SETTING_OF[variable]: value}
+        if function == "SVEL_CP":
+            return {"speed": self.expression(words[2:3])}
+        if function in ("SAPO", "SAPO_PTP"):
+            own = self._op(PASSED, self._lit(""), self.expression(words[2:3]))
+            return {"distance": own, "share": self._unknown()}
+        if name in _SETTING_OF:
+            sign, given = _BY_SETS.get(function), words[2:3]
+            value = self.expression(words, follows=True) if sign is None else self._op(sign, self.expression(given))
+            return {_SETTING_OF[name]: value}
+        if name not in _STRUCTURES:
+            return {}
+        parts = parse_operand(words).parts
+        if len(parts) != 1 or not isinstance(part := parts[0], Aggregate):
+            return {one: self._unknown() for one in _STRUCTURES[name].values()}
+        stated = {
+            _STRUCTURES[name][one.name]: self._text(one.text) for one in part.fields if one.name in _STRUCTURES[name]
+        }
+        if name == "$APO":  # what it does not state stays
+            return stated
+        return {one: stated.get(one, self._unknown()) for one in _STRUCTURES[name].values()}
+
+    def _text(self, text: str, *, moves: bool = False) -> Expression:
+        """An expression by its text."""
+        return self.expression(next(lines_of_words(text), []), moves=moves)
+
+    def _component(self, name: str, component: str, words: Sequence[Word]) -> Expression:
+        value = self.expression(words, follows=True)
+        return self._op(WITH, self.ref(name, self.here), value, self._lit((name, component)))
+
+    def _frame(self, name: str, function: str, words: Sequence[Word]) -> Expression:
+        """What $TOOL or $BASE is set to, perhaps by a function of the inline forms or of the controller."""
+        match name, function:
+            case "$TOOL", "STOOL" | "STOOL2":
+                return self._of_parameters(name, self.expression(words[2:3]))
+            case "$BASE", "SBASE":
+                return self._op(STANDING, self._of_parameters(name, self.expression(words[2:3])))
+            case "$BASE", "LK" | "EB":
+                return self._unknown(_COUPLED[function])
+            case "$BASE", "EK":
+                given = arguments_of(words[1:])
+                if len(given) not in (2, 3) or closing(words[1:]) != len(words) - 2:
+                    return self._unknown(_EK)
+                return self._op(CARRIED, self._named(name, given[2] if len(given) == 3 else (_NULL,)))
+            case _:
+                return self._named(name, words)
+
+    def _named(self, name: str, words: Sequence[Word]) -> Expression:
+        """A frame with the name by which it is called."""
+        value, own, indices = self.expression(words, follows=True), "", tuple[Expression, ...]()
+        if isinstance(value, Ref):
+            own, indices = value.name, tuple(one for step in value.path if isinstance(step, tuple) for one in step)
+        return self._op(FRAME, self._lit((name, own)), value, *indices)
+
+    def _of_parameters(self, name: str, parameters: Expression) -> Expression:
+        """Tool or base of a set of frame parameters."""
+        others = () if name == TOOL else tuple(self.ref(one, self.here) for one in _ON_MECHANISMS)
+        table = self.ref(TABLE_OF[name], self.here)
+        return self._op(OF_PARAMETERS, self._lit(TABLE_OF[name]), parameters, table, *others)
+
+    def _numbered(self, name: str, number: Expression) -> Expression:
+        return self._op(NUMBERED, self._lit(TABLE_OF[name]), number, self.ref(TABLE_OF[name], self.here))
+
+    # The controller's own routine for motion parameters (KUKA's bas.src).
+
+    def _bas(self, line: Call) -> Iterator[Assign]:
+        """What a call of BAS sets."""
+        command, ref = line.command, lambda name: self.ref(name, self.here)
+        given = line.arguments[1] if len(line.arguments) > 1 else ()
+        along, joints = ("#CP_PARAMS", "#CP_DAT"), ("#PTP_PARAMS", "#PTP_DAT")
+        if command in (*along, *joints, "#FRAMES"):
+            own = {_SETTING_OF[name]: self._of_parameters(name, ref(PARAMETERS)) for name in TABLE_OF}
+            yield from self._set({**own, "mode": self._op(MODE_OF, ref(PARAMETERS))})
+        if command in joints:  # one of the two, by the kind of approximation
+            names = {"distance": "#CDIS", "share": "#CPTP"}
+            passed = {
+                name: self._op(PASSED, self._lit(kind), ref("PDAT_ACT"), ref(SETTINGS[name]))
+                for name, kind in names.items()
+            }
+            yield from self._set(passed)
+        elif command in along:
+            distance = self._op(PASSED, self._lit(""), ref("LDAT_ACT"))
+            orientation = self._op(ORIENTED, ref("LDAT_ACT"))
+            yield from self._set({"distance": distance, "turn speed": self._unknown(), "orientation": orientation})
+        match command:
+            case "#CP_PARAMS" | "#VEL_CP":
+                yield from self._set({"speed": self.expression(given)})
+            case "#TOOL":
+                yield from self._set({"tool": self._numbered(TOOL, self.expression(given))})
+            case "#BASE":
+                yield from self._set({"base": self._numbered(BASE, self.expression(given))})
+            case "#EX_BASE":
+                yield from self._set({"base": self._op(CARRIED, self._numbered(BASE, self.expression(given)))})
+            case "#INITMOV":
+                yield from self._initial()
+            case _:
+                pass
+
+    def _initial(self) -> Iterator[Assign]:
+        """What BAS(#INITMOV) sets, by the bas.src that was passed; tool and base are not known where it does not say."""
+        lost = self._unknown("BAS(#INITMOV) resets tool and base before it")
+        numbers = zip(TABLE_OF, self.found.names.initial_frames, strict=True)
+        own = {_SETTING_OF[name]: lost if n is None else self._numbered(name, self._lit(n)) for name, n in numbers}
+        yield Assign(at=self.here, target=self.ref(PARAMETERS, self.here), value=lost)
+        yield from self._set({
+            **own, "speed": lost, "turn speed": lost, "mode": self._lit("#BASE"), "orientation": self._lit("#VAR"),
+            "distance": self.ref("DEF_APO_CDIS", self.here), "share": self.ref("DEF_APO_CPTP", self.here),
+        })  # fmt: skip
+
+    # Motions.
+
+    def motion(self, line: MotionLine, *, in_spline: bool = False, triggered: bool = False) -> MotionStep:
+        """A motion instruction."""
+        self.here = self.at(line)
+        points, counts, why = list[Expression](), list[int](), line.trouble
+        if line.keyword == "SPL" and not in_spline:
+            why = why or "it is part of no SPLINE block"
+        for operand in line.operands:
+            own = [self._part(part) for part in operand.parts] or [self._computed(line, operand)]
+            points += own
+            counts.append(len(own))
+            for one in own:
+                if isinstance(one, Ask) and one.routines and not self.found.computes(one.name):
+                    why = why or f"its point comes from {one.name}, which does more than compute it"
+        return MotionStep(
+            at=self.at(line), points=tuple(points), settings=self._settings(line), why=why, leans=True, linked=not in_spline,
+            statement=line, routine=self.section, counts=tuple(counts), triggered=triggered, in_spline=in_spline,
+        )  # fmt: skip
+
+    def _part(self, part: Aggregate | Reference) -> Expression:
+        at = (self.file, part.start, part.end)
+        if isinstance(part, Reference):
+            return self.expression(words_of(self.section.file.source.text, part.start, part.end), moves=True)
+        if all(one.value is not None or one.name not in NUMBERS for one in part.fields):
+            return self._stated(part)
+        parts: dict[Any, Expression] = {one.name: self._field(one) for one in part.fields}
+        return Rec(at=at, kind=part.type, parts=parts)
+
+    def _field(self, one: Field) -> Expression:
+        if one.value is not None:
+            return self.part(one.name, one.text, self._lit(one.value))
+        if one.name not in NUMBERS:
+            return self._lit(one.text.upper())
+        return self.part(one.name, one.text, self._text(one.text, moves=True))
+
+    def _computed(self, line: MotionLine, operand: Operand) -> Expression:
+        """A point that functions compute."""
+        words = line.words_of(operand)
+        return (
+            self.expression(words, follows=True, moves=True)
+            if words
+            else self._unknown("its point is not stated in the text")
+        )
+
+    def _settings(self, line: MotionLine) -> Mapping[str, Expression]:
+        """On what a motion depends beside its points."""
+        if not self.found.settings:
+            orients = self.found.names.orients
+            self.found.settings |= {
+                name: Ref(at=(0, 0, 0), name=key, key=key)
+                for name, key in SETTINGS.items()
+                if name != "orientation" or orients
+            }
+        if not line.settings and not line.angle:
+            return self.found.settings
+        own = {**self.found.settings, **({"angle": self.expression(line.angle)} if line.angle else {})}
+        for name, words in line.settings.items():
+            own |= {one: value for one, value in self.setting(name, words).items() if one in own}
+        return own
+
+
+def _is_plain(one: Field) -> bool:
+    """Whether nothing is computed of a component."""
+    return one.value is not None or one.text[:1] in '#"' or one.text.upper() in ("TRUE", "FALSE")
+
+
+class _Blocks:
+    """The blocks of a routine: branches, loops and splines with the lines inside."""
+
+    _INNER: ClassVar = {"IF": {"ELSE"}, "SWITCH": {"CASE", "DEFAULT"}}
+    _CLOSING: ClassVar = frozenset(BLOCKS.values())
+    _KINDS: ClassVar[Mapping[str, Literal["counted", "while", "until", "endless"]]] = {
+        "FOR": "counted",
+        "WHILE": "while",
+        "REPEAT": "until",
+        "LOOP": "endless",
+    }
+
+    def __init__(self, lines: Sequence[Statement], scope: Scope):
+        self.lines, self.scope, self.at = lines, scope, 0
+        self.odd: Control | None = None
+        """The line at which blocks do not match; None where all match."""
+        self.depth = self.loops = self.splines = 0
+        self.triggered = False
+
+    def body(self, opening: Control | None) -> Block:
+        """Lines up to the one that ends the block, or its branch; that one is not taken."""
+        nodes: list[Node] = []
+        own = set[str]() if opening is None else {BLOCKS[opening.keyword], *self._INNER.get(opening.keyword, ())}
+        while self.at < len(self.lines) and self.odd is None:
+            line = self.lines[self.at]
+            keyword = line.keyword if isinstance(line, Control) else ""
+            if keyword in own:
+                return tuple(nodes)
+            self.at += 1
+            if isinstance(line, Control) and (keyword in self._CLOSING or keyword in ("ELSE", "CASE", "DEFAULT")):
+                self.odd = line
+            elif isinstance(line, Control) and keyword in BLOCKS:
+                nodes += self._block(line)
+            elif isinstance(line, MotionLine):
+                motion = self.scope.motion(line, in_spline=bool(self.splines), triggered=self.triggered)
+                nodes += [*self.scope.rest(line), flow.Step(line=motion)]
+                self.triggered = False
+            else:
+                self.triggered = self.triggered or (isinstance(line, Beside) and line.keyword == "TRIGGER")
+                nodes += self.scope.single(line, loops=self.loops)
+        if opening is not None:
+            self.odd = self.odd or opening
+        return tuple(nodes)
+
+    def _block(self, opening: Control) -> Block:
+        begins, branches = opening, list[tuple[Control, Block]]()
+        self.depth += 1
+        self.loops += opening.keyword in LOOPS
+        self.splines += opening.keyword in SPLINES
+        if self.depth > MAX_DEPTH:
+            self.odd = opening
+        while True:
+            branches.append((begins, self.body(opening)))
+            if self.odd is not None:
+                return ()
+            end = self.lines[self.at]
+            assert isinstance(end, Control)
+            self.at += 1
+            if end.keyword == BLOCKS[opening.keyword]:
+                break
+            begins = end
+        self.depth -= 1
+        self.loops -= opening.keyword in LOOPS
+        self.splines -= opening.keyword in SPLINES
+        (_, body) = branches[0]
+        if opening.keyword in LOOPS:
+            loop = self._loop(opening, body, end)
+            return (*self.scope.rest(opening, end), loop)
+        if opening.keyword in SPLINES:  # where the robot is where it begins, no point of it counts from
+            return (flow.Step(line=Do(at=self.scope.at(opening), moves=True)), *body)
+        # before the first CASE there is no branch
+        value = self.scope.expression(opening.words) if opening.keyword == "SWITCH" else None
+        arms = [self._arm(line, own, value) for line, own in branches[opening.keyword == "SWITCH" :]]
+        conditions = tuple(arm.condition for arm in arms if arm.condition is not None)
+        line = self.scope.check(opening, *conditions)
+        rest = self.scope.rest(*(one for one, _ in branches))
+        return (*rest, flow.Branches(line=line, name=opening.keyword, arms=tuple(arms)))
+
+    def _loop(self, opening: Control, body: Block, end: Control) -> Node:
+        scope, kind = self.scope, self._KINDS[opening.keyword]
+        if kind == "counted":
+            return self._counted(opening, body, end)
+        closing = scope.check(end)
+        condition = None
+        if kind == "while":
+            condition = scope.expression(opening.words)
+        elif kind == "until":
+            condition = scope.expression(end.words)
+            closing = scope.check(end, condition)
+        if not body:  # without any line of consequence
+            if kind == "endless":
+                return flow.Leave(line=scope.check(opening), way="stop")
+            return flow.Step(line=Check(at=scope.at(opening), conditions=(condition,) if condition is not None else ()))
+        line = scope.check(opening, *((condition,) if kind == "while" and condition is not None else ()))
+        return flow.Loop(line=line, name=opening.keyword, kind=kind, condition=condition, body=body, end=closing)
+
+    def _counted(self, opening: Control, body: Block, end: Control) -> Node:
+        scope, words, at = self.scope, opening.words, self.scope.at(opening)
+        upper = [word.upper for word in words]
+        odd = Hole(at=at, why="how often the FOR is gone through is not understood")
+        counter = scope.ref(upper[0] if upper else "", at)
+        if len(words) < 5 or upper[1] != "=" or "TO" not in upper:
+            bounds: tuple[Expression, ...] = (odd, odd, odd)
+        else:
+            to = upper.index("TO")
+            by = upper.index("STEP") if "STEP" in upper else len(words)
+            step = scope.expression(words[by + 1 :]) if by < len(words) else Lit(at=at, value=1.0)
+            bounds = (scope.expression(words[2:to]), scope.expression(words[to + 1 : by]), step)
+        bounds = tuple(Op(at=at, sign=WHOLE, operands=(one,)) for one in bounds)
+        line = Steered(at=at, conditions=bounds, counter=counter, statement=opening)
+        if not body:
+            return flow.Step(line=Do(at=at, arguments=bounds, changes=(counter,)))
+        return flow.Loop(line=line, name="FOR", kind="counted", body=body, end=scope.check(end))
+
+    def _arm(self, line: Control, body: Block, value: Expression | None) -> flow.Arm:
+        """A branch.
+
+        Args:
+            line: with which it begins.
+            body: its lines.
+            value: of a SWITCH.
+        """
+        if line.keyword in ("ELSE", "DEFAULT"):
+            return flow.Arm(condition=None, body=body)
+        words = line.words
+        if value is not None:
+            cases = tuple(self.scope.expression(case) for case in split_at_commas(line.words))
+            condition: Expression = Op(at=self.scope.at(line), sign=IN, operands=(value, *cases))
+        else:
+            words = words[:-1] if words and words[-1].upper == "THEN" else words
+            condition = self.scope.expression(words)
+        return flow.Arm(condition=condition, body=body)

@@ -1,0 +1,218 @@
+"""A RAPID module with a function of a robtarget, a tooldata and a wobjdata that moves the target while the program runs.
+
+Robtargets are in millimetres and quaternions, functions in degrees, numbers in single precision (Technical reference manual,
+RAPID Instructions, Functions and Data types, 3HAC050917: num, robtarget, orient, CalcJointT, PoseMult, PoseVect, PoseInv,
+ErrWrite, EXIT).
+
+Targets of motions are put through this function as far as the text tells which they may be.
+"""
+
+from collections import defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping
+from math import cos, degrees
+
+from robot_programs.core.flow import reached
+from robot_programs.core.form import Ask, Assign, Check, Do, Expression, Line, Move, Ref, asks_in, expressions, inside
+from robot_programs.core.helper import Dialect, HelperModule, indented, single
+from robot_programs.core.program import Unresolved, Wrapped
+from robot_programs.core.source import Source, TextEdit
+from robot_programs.rapid.lower import FRAMES, Lowered, Reading, Unread
+from robot_programs.rapid.names import Procedure, Symbol, Value
+from robot_programs.rapid.parse import Argument, arguments_of
+from robot_programs.rapid.resolve import MOTION_FORMS, MotionLine, layout
+from robot_programs.rapid.syntax import key_of
+
+RAPID = Dialect(
+    number=single,
+    functions={"sin": "Sin({0})", "cos": "Cos({0})", "sqrt": "Sqrt({0})", "exp": "Exp({0})", "atan2": "ATan2({0},{1})"},
+    variable="t{{{0}}}",
+    assignment="{0}:={1};",
+    degrees={f"q{{{k}}}": f"j.rax_{k}" for k in range(1, 7)},
+)
+
+PLACE = ("at.x", "at.y", "at.z")
+"""Where a target is in the world, millimetres."""
+
+RESULTS = tuple(f"{name}.{letter}" for name in ("shift", "turn") for letter in "xyz")
+"""Shift in the world, millimetres, and half of the turn."""
+
+
+def rapid_helper(module: HelperModule, first: Source, free_axes: Container[int]) -> Source:
+    """The module, whose correction computes `RESULTS`; external axes but for the free ones have to be at zero."""
+    axes = [
+        f'IF Abs(p.extax.eax_{a})<1E+08 AND p.extax.eax_{a}<>0 TaskcalStop "axis {a} is away from zero";'
+        for k, a in enumerate("abcdef", start=1)
+        if k not in free_axes
+    ]
+    joints = [
+        f'IF Abs(now.robax.rax_{k}-first.robax.rax_{k})>{single(degrees(module.joint))} TaskcalStop "axis {k} would swing";'
+        for k in range(1, 7)
+    ]
+    words = {
+        "AXES": indented(axes, 4), "JOINTS": indented(joints, 6), "BODY": indented(module.correction.lines, 4),
+        "SHIFT": single(module.shift * 1e3), "COSINE": single(cos(0.5 * module.turn) ** 2),
+        "SETTLED_MM": single(module.settled * 1e3), "LEVER_MM": single(module.lever * 1e3),
+    }  # fmt: skip
+    return module.written("rapid", ".mod", first, words, inside=False)
+
+
+# Targets that only the running program knows, put through a function: which may be, and the edits that do so.
+
+MEASURING = frozenset({"crobt", "cpos", "cjointt"})
+"""Functions that say where the robot stands (RAPID functions CRobT, CPos, CJointT): numbers of the nominal robot for where the true
+one is, so that a motion there by other numbers would lead elsewhere."""
+
+Measured = frozenset[Symbol | str]
+"""Data that come from where the robot stood, and the keys of functions that do."""
+
+
+def wrap(
+    form: Lowered,
+    motions: Container[Line],
+    function: str,
+    without: Container[str],
+    shift: str,
+    declared: Mapping[Symbol, Value],
+) -> Iterator[Wrapped]:
+    """The motions that are read among some lines, each with the edits that put a function around its targets.
+
+    Args:
+        form: the program.
+        motions: lines.
+        function: name of a function of a robtarget, a tool and a work object.
+        without: keys of tools and work objects with which motions do not get it.
+        shift: why poses may be shifted; empty if they are not.
+        declared: what tools and work objects are declared as.
+    """
+    measured = _measured(form)
+    for routine in form.procedures:
+        source = routine.file.source
+        for line in routine.lines:
+            if isinstance(line, MotionLine) and line in motions and line.key in MOTION_FORMS:
+                edits = _edits(line, routine, measured, function, shift, without, declared)
+                yield Wrapped.of(source.place(line.at[1]), line.name, edits)
+
+
+def calls_function(line: Line, function: str) -> bool:
+    """Whether a function stands around an argument of a line."""
+    own = (*line.points, *line.settings.values()) if isinstance(line, Move) else expressions(line)
+    return any(isinstance(one, Ask) and one.name.lower() == function.lower() for one in own)
+
+
+def _edits(
+    line: MotionLine,
+    routine: Procedure,
+    measured: Measured,
+    function: str,
+    shift: str,
+    without: Container[str],
+    declared: Mapping[Symbol, Value],
+) -> Iterator[TextEdit]:
+    scope, text = routine.scope, routine.file.source.text
+    form, where = MOTION_FORMS[line.key], layout(line.key, arguments_of(routine.file.source, line.at[1]))
+    if form.kind == "axes":
+        raise Unresolved("it goes to joint positions, of which the function makes none")
+    if not form.ends_there:
+        raise Unresolved("it ends where it finds something")
+    if shift:
+        raise Unresolved(shift)
+    frames = [where.tool, *([where.options["wobj"]] if "wobj" in where.options else [])]
+    for frame in frames:
+        if frame.name is None:
+            raise Unresolved("its tool or work object is no data")
+        symbol = scope.known(frame.name.text)
+        if key_of(frame.name) in without or (without and symbol is not None and symbol.parameter_of):
+            raise Unresolved(f"'{frame.name.text}' was measured, or may be what was, which the function does not know")
+        if why := _why_it_stops(frame.name.text, declared.get(symbol) if symbol and _is_whole(frame) else None):
+            raise Unresolved(f"{why}: there the function would only stop the program")
+    targets = [target for target in (where.via, where.to) if target is not None]
+    stated = [*line.points, *(line.settings[name] for name in FRAMES if name in line.settings)]
+    for argument, one in zip((*targets, *frames), stated, strict=True):
+        if argument.value is None:
+            raise Unresolved("its target is not in the text (*)")
+        if measured & _read([one]):
+            raise Unresolved(
+                f"'{text[argument.start : argument.end]}' comes from where the robot stood (CRobT, CPos, CJointT or a search), "
+                "which is true already"
+            )
+    names = [text[frame.value.at[1] : frame.value.at[2]] for frame in frames if frame.value is not None]
+    given = ",".join([*names, "wobj0"][:2])
+    for target in targets:
+        own = text[target.start : target.end]
+        yield TextEdit(start=target.start, end=target.end, text=f"{function}({own},{given})")
+
+
+def _is_whole(frame: Argument) -> bool:
+    """Whether an argument names data, not a part of them."""
+    return frame.name is not None and frame.name.end == frame.end
+
+
+def _why_it_stops(name: str, value: Value | None) -> str:
+    """Why the function, which serves a held tool and a part that stands still, stops with one of these; empty where not known.
+
+    Of data that the files do not declare, or parameters, it decides as it runs.
+    """
+    match value:
+        case (bool(held), _, _):
+            return "" if held else f"the tool '{name}' stands still (robhold is FALSE)"
+        case (bool(held), bool(fixed), unit, _, _):
+            if held:
+                return f"the robot holds the work object '{name}' (robhold is TRUE)"
+            return "" if fixed else f"the work object '{name}' is moved by '{unit}' (ufprog is FALSE)"
+        case _:
+            return ""
+
+
+# Which data come from where the robot stood, whatever the order in which they are set.
+
+
+def _measured(form: Lowered) -> Measured:
+    made_of: dict[Symbol | str, set[Symbol | str]] = defaultdict(set)
+    for routine in form.all:
+        for line in routine.lines:
+            for made, of in _made_by(line, routine):
+                for one in of:
+                    made_of[one] |= made
+    return frozenset(reached(MEASURING, lambda one: made_of.get(one, ())))
+
+
+def _made_by(line: Line, routine: Procedure) -> Iterator[tuple[Measured, Measured]]:
+    """What a line gives values, and of what: data, and functions by their keys, which may return what they read."""
+    match line:
+        case Unread():
+            yield _data(line.names + line.changes), MEASURING.intersection(word.text.lower() for word in line.words)
+        case Assign():
+            yield _data([line.target]), _read([line.value])
+        case Check() if routine.kind and not isinstance(line, Reading):
+            yield frozenset({routine.name.lower()}), _read(line.conditions)
+        case Do():
+            yield from _passed(line)
+        case MotionLine(finds=Ref() as found):
+            yield _data([found]), MEASURING
+        case _:
+            pass
+    for one in expressions(line):
+        for ask in asks_in(one):
+            yield from _passed(ask)
+
+
+def _passed(call: Do | Ask) -> Iterator[tuple[Measured, Measured]]:
+    """The same of a call: all parameters of what it gives, and data of the parameters that it gives them to."""
+    given = _read(call.arguments)
+    for routine in call.routines:
+        yield _keys(routine.parameters), given
+        yield _data(call.arguments), _keys(routine.returning)
+
+
+def _data(refs: Iterable[Expression]) -> Measured:
+    return _keys(one.key for one in refs if isinstance(one, Ref))
+
+
+def _keys(keys: Iterable[object]) -> Measured:
+    return frozenset(key for key in keys if isinstance(key, Symbol))
+
+
+def _read(stated: Iterable[Expression]) -> Measured:
+    """Data and functions in expressions."""
+    parts = [part for one in stated for part in inside(one)]
+    return _data(parts) | frozenset(part.name.lower() for part in parts if isinstance(part, Ask))
