@@ -1,9 +1,9 @@
 """A user-defined effect: it competes with the built-in ones, and is saved and loaded like them."""
 
 import numpy as np
-from belt import Belt
 
 import taskcal as tc
+from belt import Belt
 
 robot, rng = tc.load_robot("abb-irb120"), np.random.default_rng(0)
 model = tc.ErrorModel(robot)

@@ -42,20 +42,23 @@ _UNCHECKED = {
         correction.cell robot.robot_file io.toml_file
     """,
     "commands, whose annotations Typer has to read": "cli",
-    "pages and tables, which get what was checked where it was computed": "demo report",
+    "pages and tables, which get what was checked where it was computed": "report",
     "not arrays: names, texts, messages, options and loads, which refuse wrong ones themselves": """
-        __main__ planning.study arguments effects errors performance public_names robot.statics short_repr io.text_file
+        __main__ planning.study arguments effects errors performance robot.statics short_repr io.text_file
     """,
 }
 
 
+def _modules(package: str) -> set[str]:
+    """Of a package, below it; not the packages, whose names would stand for everything in them."""
+    (folder,) = find_spec(package).submodule_search_locations
+    files = [path.relative_to(folder).with_suffix("") for path in Path(folder).rglob("*.py") if path.stem != "__init__"]
+    return {".".join(file.parts) for file in files}
+
+
 def _checked() -> list[str]:
-    """All other modules; not the packages, whose names would stand for everything in them."""
-    (package,) = find_spec("taskcal").submodule_search_locations
-    files = [
-        path.relative_to(package).with_suffix("") for path in Path(package).rglob("*.py") if path.stem != "__init__"
-    ]
-    modules = {".".join(file.parts) for file in files}
+    """All other modules of Taskcal."""
+    modules = _modules("taskcal")
     unchecked = {name for names in _UNCHECKED.values() for name in names.split()}
     unknown = [name for name in sorted(unchecked) if not any(f"{module}.".startswith(f"{name}.") for module in modules)]
     if unknown:
@@ -67,7 +70,11 @@ def _checked() -> list[str]:
     ]
 
 
-install_checks([*_checked(), "robot_programs.core.se3"])
+_BESIDE = [
+    f"{package}.{name}" for package in ("taskcal_devices", "taskcal_studio") for name in sorted(_modules(package))
+]
+_BELOW = [f"taskcal_groundwork.{name}" for name in ("options", "plugins", "said", "se3")]
+install_checks([*_checked(), *_BESIDE, *_BELOW])
 
 # The same examples at every run; compiling a kernel inside an example is slow only once.
 settings.register_profile(

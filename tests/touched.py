@@ -65,7 +65,7 @@ def imports_of_files() -> dict[str, set[str]]:
 
 
 def _modules() -> Iterator[tuple[str, Path]]:
-    for folder, above in (("src", "src"), ("tests", "."), ("benchmarks", "."), ("docs", "."), ("examples", ".")):
+    for folder, above in (("src", "src"), ("tests", "."), ("benchmarks", "."), ("docs", "."), ("examples", "examples")):
         for path in sorted((ROOT / folder).rglob("*.py")):
             parts = path.relative_to(ROOT / above).with_suffix("").parts
             yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path

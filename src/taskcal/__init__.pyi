@@ -7,13 +7,12 @@ from taskcal.campaigns.campaign import Campaign as Campaign
 from taskcal.correction.cell import Cell as Cell
 from taskcal.correction.cell import load_cell as load_cell
 from taskcal.correction.correct import correct as correct
-from taskcal.correction.correction import Bounds as Bounds
 from taskcal.correction.correction import Correction as Correction
+from taskcal.correction.options import Bounds as Bounds
 from taskcal.diagnosis.diagnose import diagnose as diagnose
 from taskcal.errors import FileError as FileError
 from taskcal.errors import TaskcalError as TaskcalError
 from taskcal.estimation.prior import GaussianPrior as GaussianPrior
-from taskcal.estimation.prior import Huber as Huber
 from taskcal.identification.calibration import Calibration as Calibration
 from taskcal.identification.calibration import load_calibration as load_calibration
 from taskcal.identification.comparison import Comparison as Comparison

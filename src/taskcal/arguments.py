@@ -2,16 +2,31 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache, wraps
-from inspect import signature
+from inspect import Parameter, isfunction, signature
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Concatenate,
+    ForwardRef,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from taskcal.errors import InputError, WrongKind, WrongValue, shown
+from taskcal_groundwork.options import declared
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -35,7 +50,6 @@ MADE_BY = {
     "Program": 'read_program("part.mod") reads one',
     "Registration": "register(model, campaign) finds one",
     "Robot": 'load_robot("my-robot.toml") loads one',
-    "Squared": "Squared(), Huber(1.5) and Cauchy() are losses",
     "Station": 'load_station("station.toml") loads one',
     "Task": 'load_task("task.toml") loads one',
     "TrackerNoise": "TrackerNoise(mpe_to_sigma=0.577) is one",
@@ -47,7 +61,7 @@ def checked(target: Target) -> Target:
     """See, at every call of a public function or class, that arguments are what their annotations say.
 
     Sequences and numbers of any kind become the arrays and tuples that the annotations name; masked arrays without masked
-    entries, data frames, lists and single precision are plain numbers. Arrays have no NaN.
+    entries, data frames without names of columns, lists and single precision are plain numbers. Arrays have no NaN.
 
     Raises, at the call:
         WrongKind: an argument is something else; the message says what it is, and how to come by the right one.
@@ -82,13 +96,64 @@ def _checked(target: Any, *, gaps: bool) -> Any:
     return call
 
 
+def joints_checked(target: Target) -> Target:
+    """See, at every call of a function or of a class's public methods, that joint values stand in the order of the joints.
+
+    They are the arguments whose annotations are arrays with the last dimension ``joints``. Arrays are taken as they are, at no
+    cost where poses are computed; of anything else numbers are made as `checked` makes them.
+
+    Raises, at the call:
+        WrongKind, WrongValue: as `checked`; of a data frame whose columns have names, which may stand in another order.
+    """
+    return _joints_checked(target)
+
+
+def _joints_checked(target: Any) -> Any:
+    if not isinstance(target, type):
+        return _with_joints_checked(target)
+    for name, member in [*vars(target).items()]:
+        if isinstance(member, classmethod | staticmethod) and not name.startswith("_"):
+            kind: Any = type(cast(Any, member))
+            setattr(target, name, kind(_with_joints_checked(member.__func__)))
+        elif isfunction(member) and not name.startswith("_"):
+            setattr(target, name, _with_joints_checked(member))
+    return target
+
+
+def _with_joints_checked(function: Any) -> Any:
+    import numpy as np
+
+    parameters = enumerate(signature(function).parameters.values())
+    kinds = [(place, p.name, p.annotation) for place, p in parameters if _of_joints(p.annotation)]
+    if not kinds:
+        return function
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        for place, name, kind in kinds:
+            if place < len(args):
+                if type(args[place]) is not np.ndarray:
+                    args = (*args[:place], as_kind(name, args[place], kind), *args[place + 1 :])
+            elif name in kwargs and type(kwargs[name]) is not np.ndarray:
+                kwargs[name] = as_kind(name, kwargs[name], kind)
+        return call.__wrapped__(*args, **kwargs)
+
+    return call
+
+
+def _of_joints(kind: Any) -> bool:
+    """Whether an annotation is of an array with one column for each joint, or may be."""
+    choices = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+    return any(getattr(choice, "dim_str", "").split()[-1:] == ["joints"] for choice in choices)
+
+
 def as_kind(name: str, value: Any, kind: Any, *, gaps: bool = False) -> Any:
     """An argument as its annotation has it.
 
     Args:
         name: of the argument, for messages.
         value: what was given.
-        kind: an annotation; of kinds that are not known here, and names in quotes, everything is taken.
+        kind: an annotation; of kinds that are not known here, and names in quotes that are not public ones, everything is taken.
         gaps: whether arrays may have NaN.
 
     Raises:
@@ -112,8 +177,23 @@ def as_kind(name: str, value: Any, kind: Any, *, gaps: bool = False) -> Any:
 @cache
 def _choices(kind: Any) -> tuple[tuple[Any, ...], bool]:
     """Alternatives that an annotation allows, and whether None is one beside them."""
+    if get_origin(kind) is Annotated:
+        return _choices(get_args(kind)[0])
+    if isinstance(kind, ForwardRef | str) and any(name in str(kind) for name in ("taskcal", "np.")):
+        return _choices(_public(kind))
     choices: tuple[Any, ...] = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
     return tuple(choice for choice in choices if choice is not NoneType), NoneType in choices
+
+
+def _public(kind: ForwardRef | str) -> Any:
+    """An annotation in quotes of public names and arrays, which are loaded when they are first needed."""
+    import numpy as np
+    from jaxtyping import Float
+
+    import taskcal
+
+    known = {"taskcal": taskcal, "np": np, "Float": Float, "Literal": Literal, "Sequence": Sequence, "Mapping": Mapping}
+    return get_type_hints(type("Holder", (), {"__annotations__": {"kind": kind}}), known)["kind"]
 
 
 def _as_choice(name: str, value: Any, kind: Any, gaps: bool) -> Any:
@@ -173,12 +253,29 @@ def _wanted(kind: Any) -> tuple[str, tuple[int | None, ...] | None]:
     """Numbers that an annotation by shape wants, and its dimensions, None for those of any size; None where there may be more."""
     dims = kind.dim_str.split()
     sizes = tuple(int(dim) if dim.isdigit() else None for dim in dims)
-    numbers = next(known for known in _NUMBERS if kind.dtypes[0].startswith(known))
+    stated = kind.dtypes[0] if isinstance(kind.dtypes, Sequence) else "float"  # of any kind: numbers as any other's
+    numbers = next(known for known in _NUMBERS if stated.startswith(known))
     return numbers, None if any(dim[0] in "*." for dim in dims) else sizes
 
 
 def _same_size(wanted: int | None, size: int) -> bool:
     return wanted is None or wanted == size
+
+
+def _column_names(value: Any) -> list[str]:
+    """What the columns of a table are called, whosever it is; none of those that are only numbered."""
+    return _named(value.column_names if hasattr(type(value), "column_names") else getattr(value, "columns", ()))
+
+
+def _entry_names(value: Any) -> list[str]:
+    """What the entries of a series are called, or of the first of several; none of those that are only numbered."""
+    first = next(iter(cast(Iterable[Any], value)), None) if isinstance(value, list | tuple) else value
+    return _named(getattr(first, "index", ()))
+
+
+def _named(labels: Any) -> list[str]:
+    every = cast(Iterable[Any], labels) if isinstance(labels, Iterable) else ()
+    return [str(one) for one in every if not isinstance(one, Integral) and not str(one).isdigit()]
 
 
 def _as_array(name: str, value: Any, kind: Any, gaps: bool) -> Any:
@@ -190,6 +287,16 @@ def _as_array(name: str, value: Any, kind: Any, gaps: bool) -> Any:
         fits = dims is None or (value.ndim == len(dims) and all(map(_same_size, dims, value.shape)))
         if fits and (not np.isinf(value).any() if gaps else np.isfinite(value).all()):
             return value  # as it is nearly always, in a few microseconds
+    if names := _column_names(value):
+        raise WrongValue(
+            f"{name} is a data frame with the columns {shown(', '.join(names))}, and would be taken by their places, whatever "
+            f"they are called; choose them in their order and unit, and give {_describe(kind)}: frame[[…]].to_numpy()"
+        )
+    if kind.dim_str.split()[-1:] == ["joints"] and (names := _entry_names(value)):
+        raise WrongValue(
+            f"{name} is a series with the labels {shown(', '.join(names))}, and would be taken by their places, whatever they are "
+            f"called; choose them in their order and unit, and give {_describe(kind)}: series[[…]].to_numpy()"
+        )
     try:
         array = np.ma.asarray(value) if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
     except (ValueError, TypeError) as error:  # rows of different lengths
@@ -243,23 +350,85 @@ def _with_article(kind: type) -> str:
     return f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
 
 
-def options_of(kind: type[Options], choices: Mapping[str, Any], what: str) -> Options:
-    """Options by keywords, those not named as in ``options``, or as by default.
+# Options by keywords.
+
+K = TypeVar("K")
+O = TypeVar("O")
+R = TypeVar("R")
+Own = ParamSpec("Own")
+Named = ParamSpec("Named")
+"""Names and types of options, as the class that they make takes them."""
+
+
+def by_name(kind: K) -> Callable[[Callable[Concatenate[K, Own], R]], Callable[Own, R]]:
+    """Let a function take its options by their names: all of them at once as ``options``, or some that replace those of a whole.
+
+    The function itself is told the kind first, and has `chosen_options` make the options of what else it is told. So a type
+    checker knows each by its name and type, and ``help`` shows it with its default and what it is.
 
     Args:
-        kind: of the options, all of which have a default.
-        choices: values by name; ``options`` for all others at once.
-        what: the options are of, for the message, such as ``a plan``.
-
-    Raises:
-        TypeError: an option that does not exist; the message names all.
+        kind: the options; all of them have a default.
     """
-    named = {name: value for name, value in choices.items() if name != "options"}
-    names = [f.name for f in fields(kind)]
-    for name in named:
-        if name not in names:
-            raise TypeError(f"no option '{name}' of {what}; there are {', '.join(names)}")
-    return replace(as_kind("options", choices.get("options"), kind | None) or kind(), **named)
+    group = cast("type[Any]", kind)
+
+    def decorate(function: Any) -> Any:
+        _, *every = signature(function).parameters.values()
+        own = [one for one in every if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)]
+        named = {one.name: one for one in fields(group)}
+
+        @wraps(function)
+        def call(*args: Any, **given: Any) -> Any:
+            if unknown := given.keys() - named.keys() - {one.name for one in own}:
+                known = ", ".join(named)
+                raise TypeError(f"no option '{min(unknown)}' of {function.__name__}; there are {known}")
+            return function(kind, *args, **given)
+
+        keywords = [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=one.default, annotation=_plain(one.type))
+            for name, one in named.items()
+        ]
+        cast(Any, call).__signature__ = signature(function).replace(parameters=[*own, *keywords])
+        del cast(Any, call).__wrapped__  # whose source, where documents look for defaults, has none of the options
+        helps = "\n".join(f"        {one.field}: {one.option.help}" for one in declared(group))
+        call.__doc__ = f"{function.__doc__}\n\n    Options, as `{group.__name__}` has them:\n{helps}\n    "
+        return call
+
+    return decorate
+
+
+def _plain(kind: Any) -> Any:
+    """An annotation without what is declared in it; one in quotes as it is written."""
+    kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+    return kind.__forward_arg__ if isinstance(kind, ForwardRef) else kind
+
+
+def chosen_options(kind: Callable[Named, O], options: object, /, *args: Named.args, **named: Named.kwargs) -> O:
+    """All options: those that are named, the others as they were given at once, or as by default.
+
+    Args:
+        kind: of the options.
+        options: of the kind, or of one that is part of it; None where none were given at once.
+        args: none.
+        named: options by their names.
+    """
+    given = _at_once(kind, options)
+    return cast(O, replace(given, **named)) if named else given
+
+
+def _at_once(group: Any, options: Any) -> Any:
+    """All options, by those that were given at once: of the group, or of one that is part of it."""
+    if options is None:
+        return group()
+    part = type(options)
+    if part is not group and is_dataclass(options) and part in group.__mro__:
+        return converted(group, options)
+    return as_kind("options", options, group)
+
+
+def converted(group: type[Options], options: Any) -> Options:
+    """Options of a group, of whose fields a value of another has some, or more."""
+    given = {one.name for one in fields(options)}
+    return group(**{one.name: getattr(options, one.name) for one in fields(group) if one.name in given})
 
 
 # Names that stand several times where each must be one's own.

@@ -4,8 +4,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-import numpy as np
-
 T = TypeVar("T", bound=type[Any])
 
 LONGEST = 380
@@ -31,6 +29,8 @@ def _represent(self: Any) -> str:
 
 def _value(value: object) -> str:
     """A value in short; empty for what is not worth a word."""
+    import numpy as np  # where options are described, nothing needs it yet
+
     if value is None or value is False or (isinstance(value, Collection) and not len(value)):
         return ""
     if isinstance(value, np.ndarray):

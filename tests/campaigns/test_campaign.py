@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.errors import CampaignError, TaskcalError, UnknownName
+from taskcal.observations import Point, Pose
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
 from tests.laws.campaigns import random_pose
@@ -164,3 +165,22 @@ def test_measurements_are_carried_with_their_stations():
     back = there.carried(was)
     np.testing.assert_allclose(back.points, here.points, atol=1e-12)
     np.testing.assert_array_equal(back.stations.T_first_station, was)
+
+
+@pytest.mark.parametrize(("poses", "kind"), [(False, Point()), (True, Pose())])
+def test_a_tracker_that_is_stated_sees_as_one_that_is_not(poses, kind):
+    """Whether observations are stated or left out: the same kinds, counts and noise, from every station."""
+    rng = np.random.default_rng(0)
+    T = np.stack([np.eye(4), random_pose(rng, 3.0)])
+    left_out = replace(
+        campaign(targets=1, poses=poses),
+        uncertainty=None,
+        stations=Stations(names=("1", "2"), of=np.arange(12) % 2, T_first_station=T),
+    )
+    stated = replace(left_out, observations=(kind,))
+    assert [type(one) for one in left_out.observed] == [type(kind)]
+    assert stated.observed == stated.observations
+    np.testing.assert_array_equal(left_out.covariances(), stated.covariances())
+    there = (left_out.points[1, 0] - T[1, :3, 3]) @ T[1, :3, :3]
+    seen = T[1, :3, :3] @ TrackerNoise().covariance(there[None])[0] @ T[1, :3, :3].T
+    np.testing.assert_allclose(left_out.covariances()[1, 0, :3, :3], seen, rtol=1e-12)

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taskcal.cli.commands.identify import strongest_harmonics
 from taskcal.identification.calibration import load_calibration
 from taskcal.reading.writer import write_campaign
+from taskcal.report.fit import strongest_harmonics
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Harmonics, Thermal
@@ -77,6 +77,7 @@ def test_effects_text_table_states_gain_of_each_step(run: Run, campaign: Path, t
     """The text table states the gain of each step of the model comparison."""
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain", "--parameters")
     text = " ".join(ended.out.split())
+    assert "held-out points" in text.partition("Errors")[0]
     for words in ("asked for", "geometry 0.", "with gear harmonics", "tracker noise", "periods per turn"):
         assert words in text
     starts = {line.split()[0] for line in ended.out.splitlines() if line.split()}
@@ -89,7 +90,7 @@ def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path
     robot, rng = load_robot(ROBOT), np.random.default_rng(0)
     measured, _ = simulate(ErrorModel(robot), rng.uniform(-0.15, 0.15, (40, 6)), rng=rng)
     write_campaign(tmp_path / "small.csv", measured, robot)
-    options = ["--effects", "harmonics:1"]
+    options = ["--effects", "harmonics:1", "--holdout", "0.2"]
     near = identify(run, tmp_path / "small.csv", tmp_path / "cal.json", *options, "--json").json["collinear"]
     named = {entry["name"]: entry for entry in near}
     assert named["J1.cos1"]["explained_by"].keys() == {"J1.rz"}

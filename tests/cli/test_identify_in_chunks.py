@@ -39,7 +39,7 @@ def test_large_parquet_file_is_fitted_in_chunks_and_reported(run: Run, large: Pa
 
 @pytest.mark.parametrize(
     "options",
-    [["--holdout", "0.3"], ["--effects", "auto"], ["--rows", "0:9"], ["--loss", "huber"], ["--drift", "ignore"]],
+    [["--holdout", "0.3"], ["--effects", "auto"], ["--rows", "0:9"], ["--gross-errors", "keep"], ["--drift", "ignore"]],
 )
 def test_what_needs_all_rows_is_refused(run: Run, large: Path, tmp_path: Path, options: list[str]) -> None:
     ended = run("identify", "--robot", "abb-irb120", large, "-o", tmp_path / "cal.json", *options)

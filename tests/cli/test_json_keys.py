@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskcal.cli.options.common import OutputOptions
 from taskcal.cli.output import plain, with_edits
+from taskcal.cli.run import OutputOptions
 from tests.cli.conftest import IRB6660, Run
 
 KEYS = tomllib.loads((Path(__file__).parent / "json_keys.toml").read_text(encoding="utf-8"))
@@ -45,7 +45,7 @@ COMMANDS = {
     "export": "export cal.json --form urdf -o robot.urdf --accept-loss",
     "export --form offsets": "export cal.json --form offsets",
     "report": "report cal.json --task TASK -o page.html",
-    "doctor": "doctor one.csv --robot ROBOT",
+    "doctor": "doctor swapped.csv --robot ROBOT",
     "doctor alone": "doctor",
     "warm": "warm",
 }
@@ -70,7 +70,7 @@ SHOWN = {
     "export --form dh": "export cal.json --form dh -o table2.csv --accept-loss",
     "correct --task": "correct -c cal.json path.csv -o corrected2.csv --accept-uncertain --task TASK",
     "plan": "plan --robot ROBOT --task TASK --count 16 --candidates 60 -o plan.csv",
-    "doctor of swapped columns": "doctor swapped.csv --robot ROBOT",
+    "doctor of a sound campaign": "doctor one.csv --robot ROBOT",
 }
 """What people are shown too: most of the commands, and some in other ways."""
 

@@ -1,7 +1,8 @@
 """Options: groups of them, what is checked of their values, and what commands get of them."""
 
+import re
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,19 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from taskcal.cli import app, main
-from taskcal.cli.command import argument, in_users_words, laid_out, option
+from taskcal.cli.command import argument, in_users_words, laid_out, option, what_writes
 from taskcal.cli.options.campaign import CampaignOptions, MeasuredOptions, choose_rows
-from taskcal.cli.options.common import ModelOptions, read_effects
-from taskcal.cli.options.fit import FitCommandOptions
+from taskcal.cli.options.common import ModelOptions
+from taskcal.cli.options.fit import fit_options
 from taskcal.errors import FileError, TaskcalError
-from taskcal.estimation.prior import Huber
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import (
+    EffectSearch,
+    FitOptions,
+    GeometryOptions,
+    check_together,
+    read_effects,
+)
+from taskcal.reading.options import UsedRows
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import (
     PERIODIC,
@@ -34,13 +41,14 @@ from taskcal.robot.effects import (
 )
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
+from taskcal_groundwork.options import OptionError, Written, options_of, read
 from tests.cli.conftest import IRB6660, TASK, Run
 
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
     width_mm: float = option(..., "MM", also="-w")
-    height: float = option(2.0, named="--height-mm")
+    height: float = option(2.0, named="height-mm")
 
     def __post_init__(self) -> None:
         if self.width_mm < self.height:
@@ -89,7 +97,7 @@ def test_group_options_keep_their_place() -> None:
     @laid_out
     def command(first: int, size: Size, last: int) -> None: ...
 
-    assert list(signature(command).parameters) == ["first", "width_mm", "height", "last"]
+    assert list(signature(command).parameters) == ["first", "width_mm", "height_mm", "last"]
 
 
 def test_two_options_of_one_name_are_refused() -> None:
@@ -109,9 +117,8 @@ def test_commands_share_the_options_of_a_campaign(name: str) -> None:
     from taskcal.cli.options.campaign import CampaignOptions
 
     parameters = {parameter.name: parameter.opts for parameter in commands()[name].params}
-    for one in fields(CampaignOptions):
-        second = ["--nests"] if one.name == "reference_points" else []
-        assert parameters[one.name] == [f"--{one.name.replace('_', '-')}", *second]
+    for one in options_of(CampaignOptions):
+        assert parameters[one.field] == [f"--{one.name}", *filter(None, [one.option.also])]
 
 
 def test_no_command_takes_a_number_of_no_things(run: Run) -> None:
@@ -219,12 +226,12 @@ def test_help_lists_effects_where_the_command_takes_them(run: Run, command: str)
 
 def test_effects_are_read_by_name() -> None:
     assert read_effects("auto") is None
-    assert read_effects("none") == []
+    assert read_effects("none") == ()
     named = read_effects("compliance, gain,harmonics,harmonics:3,harmonics:5-7,periodic")
     orders = Harmonics(orders=(3,)), Harmonics(orders=(5, 6, 7))
-    assert named == [Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC]
-    assert read_effects("thermal,warmup,warmup:20") == [Thermal(), WarmUp(), WarmUp(time_constant=1200.0)]
-    assert read_effects("coupling,spring,motor") == [Coupling(), Spring(), MotorHarmonics()]
+    assert named == (Compliance(), EncoderGain(), Harmonics(), *orders, PERIODIC)
+    assert read_effects("thermal,warmup,warmup:20") == (Thermal(), WarmUp(), WarmUp(time_constant=1200.0))
+    assert read_effects("coupling,spring,motor") == (Coupling(), Spring(), MotorHarmonics())
 
 
 @pytest.mark.parametrize(
@@ -239,7 +246,7 @@ def test_effects_are_read_by_name() -> None:
     ],
 )
 def test_wrong_effects_are_refused(text: str, words: str) -> None:
-    with pytest.raises(typer.BadParameter, match=words):
+    with pytest.raises(OptionError, match=words):
         read_effects(text)
 
 
@@ -286,39 +293,39 @@ def test_campaign_is_read_whole_by_default(cell: Path) -> None:
 
 def test_rows_and_targets_are_chosen(cell: Path) -> None:
     robot = load_robot(IRB6660)
-    read = CampaignOptions(rows="3:8", targets="smr3,smr1").read(cell / "three.csv", robot, targets=["smr2"])
+    read = CampaignOptions(rows="3:8", targets=("smr3", "smr1")).read(cell / "three.csv", robot, targets=["smr2"])
     assert set(read.campaign.targets) == {"smr1", "smr3"}
     np.testing.assert_array_equal(read.campaign.q, read.whole.q[3:8])
     assert [read.campaign.row_of(i) for i in range(5)] == list(read.rows) == [3, 4, 5, 6, 7]
     assert CampaignOptions().read(cell / "three.csv", robot, targets=["smr2"]).campaign.targets == ("smr2",)
 
 
-@pytest.mark.parametrize(("field", "option"), [("targets", "--targets"), ("reference_points", "--reference-points")])
-@pytest.mark.parametrize("text", ["a,,b", "a,a", ""])
+@pytest.mark.parametrize(("field", "option"), [("targets", "targets"), ("reference_points", "reference-points")])
+@pytest.mark.parametrize("text", ["a,,b", "a,a", " "])
 def test_wrong_list_is_refused_before_reading(field: str, option: str, text: str) -> None:
-    with pytest.raises(typer.BadParameter) as refused:
-        CampaignOptions(**{field: text})
-    assert refused.value.param_hint == option
+    with pytest.raises(OptionError) as refused:
+        read(UsedRows, {option: text})
+    assert refused.value.names == (field,)
 
 
 def test_missing_reference_points_are_named(cell: Path) -> None:
     with pytest.raises(TaskcalError, match="wall"):
-        CampaignOptions(reference_points="wall").read(cell / "three.csv", load_robot(IRB6660))
+        CampaignOptions(reference_points=("wall",)).read(cell / "three.csv", load_robot(IRB6660))
 
 
 @pytest.mark.parametrize(
     ("options", "named"),
     [
         ({"rows": "0:9"}, "--rows"),
-        ({"targets": "a"}, "--targets"),
-        ({"reference_points": "a"}, "--reference-points"),
+        ({"targets": ("a",)}, "--targets"),
+        ({"reference_points": ("a",)}, "--reference-points"),
         ({"drift": "ignore"}, "--drift"),
     ],
 )
 def test_options_of_a_campaign_require_one(options: dict[str, Any], named: str) -> None:
-    with pytest.raises(typer.BadParameter, match="requires --campaign") as refused:
+    with pytest.raises(OptionError, match="requires --campaign") as refused:
         MeasuredOptions(**options)
-    assert refused.value.param_hint == named
+    assert refused.value.names == (named.strip("-").replace("-", "_"),)
     assert MeasuredOptions(campaign=Path("c.csv"), **options).campaign == Path("c.csv")
 
 
@@ -349,25 +356,37 @@ def campaign(model: ErrorModel):
     return simulate(model, rng.uniform(-0.5, 0.5, (5, 6)), rng=rng)[0]
 
 
+def made(model: ErrorModel, campaign: Any, **texts: str) -> FitOptions:
+    """Options of a fit by what is written of them."""
+    written = read(FitOptions, {name.replace("_", "-"): text for name, text in texts.items()})
+    return fit_options(written, model, campaign)[0]
+
+
 def test_fit_options_default_to_those_of_the_library(model, campaign) -> None:
-    options, default = vars(FitCommandOptions().options(model, campaign)), vars(FitOptions())
-    assert type(options.pop("loss")) is type(default.pop("loss"))
-    assert options == default
+    assert vars(made(model, campaign)) == vars(FitOptions())
+
+
+def test_what_stands_for_a_default_is_read_as_it(model, campaign) -> None:
+    """As help shows it."""
+    begun = {one.name: one.written(one.default) for one in options_of(FitOptions)}
+    texts = {name: str(text) for name, text in begun.items() if text is not None}
+    assert texts["target-within-mm"] == "1000.0"
+    assert vars(made(model, campaign, **texts)) == vars(FitOptions())
 
 
 def test_fit_options_are_converted_to_metres(model, campaign) -> None:
-    options = FitCommandOptions(
+    options = made(
+        model,
+        campaign,
         keep="J2,J3",
         prior="none",
-        loss="huber",
         frames="fixed",
-        model_error_mm=0.05,
+        model_error_mm="0.05",
         gross_errors="keep",
-        target_within_mm=1500.0,
-        mpe_to_sigma=0.577,
-    ).options(model, campaign)
+        target_within_mm="1500",
+        mpe_to_sigma="0.577",
+    )
     assert (options.keep, options.prior, options.frames, options.gross_errors) == (("J2", "J3"), None, "fixed", "keep")
-    assert isinstance(options.loss, Huber)
     assert options.model_error == pytest.approx(50e-6)
     assert options.target_within == pytest.approx(1.5)
     assert options.noise is not None
@@ -375,35 +394,51 @@ def test_fit_options_are_converted_to_metres(model, campaign) -> None:
 
 
 def test_published_and_none_are_sets_of_parameters(model, campaign) -> None:
-    assert FitCommandOptions(keep="none").options(model, campaign).keep == ()
-    published = FitCommandOptions(keep="published").options(model, campaign).keep
+    assert made(model, campaign, keep="none").keep == ()
+    published = made(model, campaign, keep="published").keep
     assert published is not None
     assert set(published) == set(model.names) - set(model.robot.published.dropped)
     with pytest.raises(TaskcalError, match="names no publication"):
-        FitCommandOptions(keep="published").options(ErrorModel(load_robot("ur10")), campaign)
+        made(ErrorModel(load_robot("ur10")), campaign, keep="published")
 
 
 @pytest.mark.parametrize(
-    ("options", "hint"),
+    ("texts", "names"),
     [
-        ({"prior": "none", "prior_scale": 2.0}, "--prior-scale / --prior"),
-        ({"keep": "J1,J1"}, "--keep"),
-        ({"lengths_only": True, "keep": "published"}, "--lengths-only / --keep"),
+        ({"prior": "none", "prior-scale": "2"}, ("prior_scale", "prior")),
+        ({"prior": "none", "like": "cal.json"}, ("like", "prior")),
+        ({"keep": "J1,J1"}, ("keep",)),
+        ({"frames": "free"}, ("frames",)),
+        ({"prior-scale": "nan"}, ("prior_scale",)),
+        ({"prior-scale": "much"}, ("prior_scale",)),
     ],
 )
-def test_contradictory_fit_options_are_refused(options, hint) -> None:
-    with pytest.raises(typer.BadParameter) as refused:
-        FitCommandOptions(**options)
-    assert refused.value.param_hint == hint
+def test_contradictory_fit_options_are_refused(texts, names) -> None:
+    with pytest.raises(OptionError) as refused:
+        read(FitOptions, texts)
+    assert refused.value.names == names
+
+
+def test_groups_are_checked_against_one_another() -> None:
+    none, fitting = GeometryOptions(), Written(FitOptions)
+    check_together(Written(EffectSearch), none, fitting)
+    with pytest.raises(OptionError, match="effects / prior: 'auto' weighs"):
+        check_together(Written(EffectSearch), none, read(FitOptions, {"prior": "none"}))
+    with pytest.raises(OptionError, match="lengths_only / keep: keep published selects"):
+        check_together(
+            Written(EffectSearch), GeometryOptions(lengths_only=True), read(FitOptions, {"keep": "published"})
+        )
 
 
 @pytest.mark.parametrize(
     ("option", "value", "words"),
     [
-        ("--model-error-mm", "-1", "-1 is not between 1e-06 and 1000"),
-        ("--model-error-mm", "nan", "nan is not between"),
-        ("--prior-scale", "0", "0 is not between"),
-        ("--mpe-to-sigma", "0", "0 is not between"),
+        ("--model-error-mm", "-1", "'-1' must be 0 or more"),
+        ("--model-error-mm", "nan", "'nan' is not a number"),
+        ("--prior-scale", "0", "'0' must be 0.000001 or more"),
+        ("--mpe-to-sigma", "0", "'0' must be 0.001 or more"),
+        ("--holdout", "1", "1 is not between 0 and 1"),
+        ("--holdout", "nan", "nan is not between 0 and 1"),
     ],
 )
 def test_numbers_out_of_their_bounds_are_wrong_usage(option: str, value: str, words: str, tmp_path, capsys) -> None:
@@ -413,3 +448,41 @@ def test_numbers_out_of_their_bounds_are_wrong_usage(option: str, value: str, wo
     said = capsys.readouterr().err
     assert option in said
     assert words in said
+
+
+def every_command() -> dict[str, Any]:
+    """Commands by their words, those of a group one by one."""
+    out: dict[str, Any] = {}
+    for name, command in commands().items():
+        inner = getattr(command, "commands", None)
+        out |= {name: command} if inner is None else {f"{name} {word}": one for word, one in inner.items()}
+    return out
+
+
+def kinds_of(parameter: Any) -> set[str]:
+    """Files that the help of an option or argument shows, without their endings: ``CAL`` of ``CAL.json CAL.json…``."""
+    words = {word.partition(".")[0] for word in re.findall(r"[\w.]+", parameter.metavar or "")}
+    return words - {"FILE", "FOLDER", "OUT"}  # these say nothing of what is in it
+
+
+@pytest.mark.parametrize("name", list(every_command()))
+def test_what_is_missing_names_the_commands_that_write_it(name: str, run: Run) -> None:
+    """Of all that any command needs: what writes it is every command that has an output of its kind."""
+    every = every_command()
+    for missing in every[name].params:
+        if missing.required and "--output" not in missing.opts:
+            writers = {
+                words
+                for words, command in every.items()
+                if any("--output" in one.opts and kinds_of(one) & kinds_of(missing) for one in command.params)
+            }
+            quoted = re.findall(r"'(taskcal [^']+)'", what_writes(missing, get_command(app)))
+            assert all(any(use.startswith(f"taskcal {words} ") for use in quoted) for words in writers)
+            assert bool(quoted) == bool(writers)
+    first = next((one for one in every[name].params if one.required), None)
+    if first is not None:
+        ended = run(*name.split())
+        needed = [one for one in every[name].params if one.required and one.opts[0] in ended.err]
+        said = what_writes(first if first.param_type_name == "argument" else needed[0], get_command(app))
+        assert ended.status == 2
+        assert ended.err.rstrip().endswith(said or ".")

@@ -1,19 +1,34 @@
 """What commands write: nothing that is read, nothing twice, and nothing of others without --force."""
 
 import os
+import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
+from typer.main import get_command
 
-from taskcal.cli import main, output
-from taskcal.cli.output import check_outputs, files_of_task
+from taskcal.cli import app, main, output
+from taskcal.cli import run as runs
+from taskcal.cli.run import OutputOptions
 from taskcal.errors import FileError
 from tests.cli.conftest import IRB6660, Run
 
 TABLE = "joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\nJ2,90,300,200,0\n"
+
+
+def check_outputs(
+    command: str, outputs: list[tuple[str, Path | None]], *given: str | Path, force: bool = False
+) -> runs.Run:
+    """A run of a command whose outputs are seen to be free, of what it was given to read."""
+    begun = runs.Run(command=command, out=OutputOptions(force=force), read=given)
+    for option, path in outputs:
+        begun.free(option, path)
+    return begun
 
 
 @pytest.fixture
@@ -24,13 +39,13 @@ def table(tmp_path: Path) -> Path:
 
 
 def test_edits_are_said_once_each_to_people_and_programs(capsys: pytest.CaptureFixture[str]) -> None:
-    output.begin_account()
+    runs.begin_account()
     for warning in ("one", "", "two", "one"):
         output.warn_of_edits(warning)
     output.tell_edits()
     assert capsys.readouterr().out.splitlines() == ["warning: one", "warning: two"]
     assert output.with_edits({"a": 1}) == {"a": 1, "edited": ("one", "two")}
-    output.begin_account()
+    runs.begin_account()
     output.tell_edits()
     assert capsys.readouterr().out == ""
     assert output.with_edits({"a": 1}) == {"a": 1}
@@ -68,7 +83,7 @@ def test_a_kill_between_the_note_and_the_file_leaves_it_known(tmp_path: Path, mo
 
     ready = check_outputs("plan", [("--output", path)])
     with monkeypatch.context() as patch:
-        patch.setattr(output, "write_all", killed)
+        patch.setattr(runs, "write_all", killed)
         with pytest.raises(SystemExit):
             ready.write({path: "second"})
     check_outputs("plan", [("--output", path)])
@@ -103,12 +118,125 @@ def test_an_input_is_never_an_output_however_it_is_spelled(tmp_path: Path, spell
     (tmp_path / "folder").symlink_to(tmp_path)
     path = Path(spelling.format(tmp_path, tmp_path.name))
     with pytest.raises(FileError, match="would overwrite an input file"):
-        check_outputs("plan", [("--output", path)], [given], force=force)
+        check_outputs("plan", [("--output", path)], given, force=force)
 
 
-def test_an_input_that_is_yet_to_be_made_is_no_output_either(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["arm.urdf#wrist", "arm.urdf"])
+def test_a_robot_with_its_tip_is_no_output(tmp_path: Path, name: str) -> None:
+    (tmp_path / "arm.urdf").write_text("")
     with pytest.raises(FileError, match="would overwrite an input file"):
-        check_outputs("plan", [("--output", tmp_path / "a.toml")], [tmp_path / "a.toml"])
+        check_outputs("plan", [("--output", tmp_path / "arm.urdf")], str(tmp_path / name), force=True)
+
+
+def test_in_a_folder_that_is_read_a_command_replaces_its_own_files_alone(tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    images, own, other = tmp_path / "shots", tmp_path / "shots/own.csv", tmp_path / "shots/image.png"
+    check_outputs("convert", [("--output", own)], images).write({own: "first"})
+    check_outputs("convert", [("--output", own)], images).write({own: "second"})
+    other.write_text("seen")
+    with pytest.raises(FileError, match=r"image\.png: exists"):
+        check_outputs("convert", [("--output", other)], images, force=True)
+    ready = check_outputs("convert", [("--output", own)], images, force=True)
+    with pytest.raises(FileError, match=r"image\.png: exists"):
+        ready.write({other: "lost"})
+
+
+def test_a_file_that_is_named_on_the_way_is_no_input_either(tmp_path: Path) -> None:
+    """As those of a folder, whose names an export knows late."""
+    given = tmp_path / "cal.json"
+    given.write_text("read")
+    ready = check_outputs("export", [("--output", None)], given, force=True)
+    with pytest.raises(FileError, match="would overwrite an input file"):
+        ready.write({tmp_path / "new.txt": "made", given: "lost"})
+    assert [path.name for path in tmp_path.iterdir()] == ["cal.json"]
+    assert given.read_text() == "read"
+
+
+def _of_texts(command: Any) -> tuple[list[str], list[str]]:
+    """Options of a command that take a text, files among them, and those of them that are marked as naming what is written."""
+    texts = [one.opts[0] for one in command.params if one.bare_type() in ("str", "Path")]
+    return texts, [name for name in texts if name in command.callback.writes]
+
+
+LEAST = {
+    "board": [],
+    "compare": ["{cell}/cal.json", "{cell}/cal.json"],
+    "convert": ["{cell}/one.csv", "-r", IRB6660],
+    "correct": ["{cell}/path.csv", "-c", "{cell}/cal.json"],
+    "demo": [],
+    "doctor": ["{cell}/one.csv", "-r", IRB6660],
+    "export": ["{cell}/cal.json", "--form", "toml"],
+    "fleet": ["{cell}"],
+    "identify": ["{cell}/one.csv", "-r", IRB6660],
+    "measure": ["-r", IRB6660, "-t", "{cell}/list.toml", "-c", "virtual", "-i", "virtual"],
+    "performance": ["{cell}/one.csv"],
+    "place": ["{cell}/list.toml", "-c", "{cell}/cal.json"],
+    "plan": ["-r", IRB6660, "-t", "{cell}/list.toml"],
+    "poses": ["{cell}/one.csv", "-r", IRB6660],
+    "register": ["{cell}/one.csv", "-r", IRB6660],
+    "report": ["{cell}/cal.json"],
+    "robots import": ["{cell}/table.csv", "--convention", "dh"],
+    "robots task": [IRB6660],
+    "select": ["-r", IRB6660, "-t", "{cell}/list.toml"],
+    "sensitivity": ["-r", IRB6660],
+    "simulate": ["-r", IRB6660, "-t", "{cell}/list.toml"],
+    "study": ["-r", IRB6660, "-t", "{cell}/list.toml"],
+    "validate": ["{cell}/cal.json", "{cell}/one.csv"],
+}
+"""The least that each command needs beside its outputs."""
+
+
+def _leaves(group: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    for key, command in group.commands.items():
+        whole = f"{name} {key}".strip()
+        yield from _leaves(command, whole) if hasattr(command, "commands") else [(whole, command)]
+
+
+def test_no_command_writes_over_a_file_that_any_of_its_options_was_given(
+    run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever option names a file, and whichever output names it too, with --force: it stays as it is."""
+    monkeypatch.chdir(tmp_path)
+    (cell / "path.csv").write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,5,-40,10\n")
+    (cell / "table.csv").write_text(TABLE)
+    kept, tried = tmp_path / "kept.csv", 0
+    kept.write_text("0\n1\n")
+    for name, command in _leaves(get_command(app)):
+        texts, writing = _of_texts(command)
+        force = ["--force"] if any("--force" in one.opts for one in command.params) else []
+        for option in [name for name in texts if name.startswith("-") and name not in writing]:
+            for written in writing:
+                given = [part.format(cell=cell) for part in LEAST[name]]
+                more = ["--output", tmp_path / "other.pdf"] if "--output" in writing and written != "--output" else []
+                ended = run(*name.split(), *given, option, kept, written, kept, *more, *force)
+                assert kept.read_text() == "0\n1\n", (name, option, written)
+                assert ended.status != 0, (name, option, written)
+                tried += 1
+    assert tried > 100
+
+
+def test_no_command_writes_over_what_it_reads(
+    run: Run, cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever of the least that a command needs is a file, under the name of each of its outputs, with --force."""
+    monkeypatch.chdir(tmp_path)
+    read = tmp_path / "read"
+    shutil.copytree(cell, read)
+    (read / "path.csv").write_text("J1_deg,J2_deg,J3_deg,J4_deg,J5_deg,J6_deg\n0,10,20,5,-40,10\n")
+    (read / "table.csv").write_text(TABLE)
+    before = {path: path.read_bytes() for path in read.iterdir()}
+    tried = 0
+    for name, command in _leaves(get_command(app)):
+        given = [part.format(cell=read) for part in LEAST.get(name, ())]
+        force = ["--force"] if any("--force" in one.opts for one in command.params) else []
+        for written in command.callback.writes:
+            for file in [part for part in given if Path(part).is_file()]:
+                more = ["--output", tmp_path / "other.pdf"] if "--output" in command.callback.writes[:1] else []
+                ended = run(*name.split(), *given, *([] if written == "--output" else more), written, file, *force)
+                assert ended.status != 0, (name, written, file)
+                assert {path: path.read_bytes() for path in read.iterdir()} == before, (name, written, file)
+                tried += 1
+    assert tried > 40
 
 
 @pytest.mark.parametrize("exists", [False, True])
@@ -123,26 +251,26 @@ def test_two_outputs_are_never_one_file(tmp_path: Path, exists: bool) -> None:
 def test_output_names_are_compared_as_the_folder_folds_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Names that differ only in letter case are one file in a folder that ignores case."""
     named = [("--output", tmp_path / "Part.csv"), ("--report", tmp_path / "part.CSV")]
-    monkeypatch.setattr(output, "_folds_case", lambda folder: True)
+    monkeypatch.setattr(runs, "_folds_case", lambda folder: True)
     with pytest.raises(typer.BadParameter):
         check_outputs("plan", named)
-    monkeypatch.setattr(output, "_folds_case", lambda folder: False)
+    monkeypatch.setattr(runs, "_folds_case", lambda folder: False)
     check_outputs("plan", named)
 
 
 def test_whether_a_folder_folds_case_is_seen_by_trying(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("")
-    assert output._folds_case(tmp_path) == (tmp_path / "A").exists()
+    assert runs._folds_case(tmp_path) == (tmp_path / "A").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
 def test_a_task_brings_its_list_of_poses(tmp_path: Path) -> None:
-    task = tmp_path / "task.toml"
+    task, poses = tmp_path / "task.toml", tmp_path / "list.csv"
     task.write_text('name = "x"\nposes = "list.csv"\n')
-    assert files_of_task(task) == [task, tmp_path / "list.csv"]
+    with pytest.raises(FileError, match="would overwrite an input file"):
+        check_outputs("plan", [("--output", poses)], task, force=True)
     task.write_text("not TOML [")
-    assert files_of_task(task) == [task]
-    assert files_of_task(None) == []
+    check_outputs("plan", [("--output", poses)], task, force=True)
 
 
 def test_identify_overwrites_neither_robot_nor_rows(run: Run, tmp_path: Path, table: Path) -> None:

@@ -22,13 +22,13 @@ COMMANDS = {
         "--report", "page.html",
     ],
     "place": [
-        "place", "task.toml", "-c", "edited.json", "--region", "0,0,0", "-o", "map.csv", "--markdown", "page.md",
+        "place", "task.toml", "-c", "edited.json", "--region", "0,0,0", "-o", "map.csv", "--report", "page.html",
     ],
     "correct": ["correct", "part.mod", "-c", "edited.json", "-o", "out.mod", "--report", "page.html"],
     "identify": ["identify", "one.csv", "--robot", "abb-irb6660-205-1.9", "--like", "edited.json", "-o", "new.json"],
 }  # fmt: skip
 
-TEXTS = ("page.html", "page.md", "robot.urdf", "robot.csv", "offsets.json")
+TEXTS = ("page.html", "robot.urdf", "robot.csv", "offsets.json")
 
 PROGRAM = """MODULE Part
 PROC main()

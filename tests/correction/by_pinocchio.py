@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -66,3 +66,9 @@ def true_tool(calibration, chain, goal, near, tool):
     T_flange_tool = calibration.model.robot.T_flange_tool
     driven = chain.joints(goal @ T_flange_tool, near)
     return calibration.tool_in_base(driven[None])[0] @ np.linalg.inv(T_flange_tool) @ tool
+
+
+def meets(got, wanted):
+    """A pose is where it should be."""
+    np.testing.assert_allclose(got[:3, 3], wanted[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(got[:3, :3], wanted[:3, :3], atol=2e-6)

@@ -8,7 +8,6 @@ from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.subdivision import Nodes, Subdivision
-from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
@@ -17,6 +16,7 @@ from taskcal.robot.effects import Backlash, Compliance
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.correction.cells import CUTTER, PART, REFLECTORS
 
 

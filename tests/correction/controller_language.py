@@ -43,21 +43,11 @@ def numbers(record):
 
 
 def quaternion(R):
-    w = 0.5 * np.sqrt(max(1.0 + np.trace(R), 0.0))
-    if w > 0.1:
-        return np.array([w, *(np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / (4.0 * w))])
-    vector = np.linalg.eigh(0.5 * (R + R.T))[1][:, -1]  # half a turn and nearly so
-    turned = R @ np.diag([1.0, 1.0, 1.0])
-    angle = np.arccos(np.clip(0.5 * (np.trace(turned) - 1.0), -1.0, 1.0))
-    sine = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) @ vector
-    return np.array([np.cos(0.5 * angle), *(np.copysign(np.sin(0.5 * angle), sine or 1.0) * vector)])
+    return np.roll(Rotation.from_matrix(R).as_quat(canonical=True), 1)
 
 
 def matrix(place, rot):
-    w, x, y, z = numbers(rot) / np.linalg.norm(numbers(rot))
-    v = np.array([x, y, z])
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return se3.pose(np.eye(3) + 2.0 * (w * cross + np.outer(v, v) - v @ v * np.eye(3)), numbers(place) * 1e-3)
+    return se3.pose(Rotation.from_quat(np.roll(numbers(rot), -1)).as_matrix(), numbers(place) * 1e-3)
 
 
 def nominal_angles(robot, T, seed, prefix):

@@ -14,26 +14,27 @@ from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
 from taskcal.geometry import se3
-from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, true_tool
+from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, meets, true_tool
+from tests.robot_programs.written import krl_frame, krl_joints, rapid_pose
 
 HOME = {"abb-irb120": (0, 20, 10, 10, 50, -20), "kuka-kr16-2": (10, -70, 90, 10, 50, -20)}
+
+ASIDE = se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
 
 
 @pytest.fixture(scope="module", params=HOME)
 def true_robot(request):
-    """A calibration of a robot with defects, its chain, and where a program begins."""
-    return defective(request.param, np.radians(HOME[request.param]))
-
-
-@pytest.mark.parametrize(
-    ("name", "in_hand"), [("p.mod", False), ("p.mod", True), ("p.src", False), ("p.script", False), ("p.csv", False)]
-)
-def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
-    calibration, chain, q = true_robot
+    """A calibration of a robot with defects, its chain, where a program begins, the robot, and its flange there."""
+    calibration, chain, q = defective(request.param, np.radians(HOME[request.param]))
     robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+    return calibration, chain, q, robot, chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+
+
+@pytest.mark.parametrize(("name", "in_hand"), [("p.mod", True), ("p.csv", False)])
+def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
+    """With a part in the hand; or in a turned part that no file states."""
+    calibration, chain, q, robot, flange = true_robot
     # what is held and what stands still; the program's points are the tool in the part
     held = TOOL if name != "p.csv" else robot.T_flange_tool
     standing = flange @ held @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
@@ -69,55 +70,14 @@ def test_the_true_tool_is_where_the_program_wants_it(true_robot, name, in_hand):
         driven = chain.joints(move.flange(move.end.T) @ robot.T_flange_tool, near)
         true = calibration.tool_in_base(driven[None])[0] @ np.linalg.inv(robot.T_flange_tool)
         got = np.linalg.inv(true @ part) @ tool if in_hand else np.linalg.inv(part) @ true @ tool
-        np.testing.assert_allclose(got[:3, 3], wanted.end.T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], wanted.end.T[:3, :3], atol=2e-6)
+        meets(got, wanted.end.T)
         assert np.abs(move.end.T - wanted.end.T).max() > 1e-5
-
-
-def test_true_tool_is_over_every_place_of_a_pallet(true_robot):
-    """Loops and routines that are written out, with their tool and work object from the cell file."""
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
-    standing = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
-    at = np.linalg.inv(standing) @ flange @ TOOL
-    if robot.name.startswith("abb"):
-        names, file = ("tGrip", "wPart"), "p.mod"
-        x, y, z, w = Rotation.from_matrix(at[:3, :3]).as_quat().tolist()
-        target = (
-            f"[{(at[:3, 3] * 1e3).tolist()},{[w, x, y, z]},{RapidConfiguration.of(robot, q)},[9E9,9E9,9E9,9E9,9E9,9E9]]"
-        )
-        text = (
-            f"MODULE m\nCONST robtarget p1:={target};\nPROC main()\nFOR i FROM 0 TO 2 DO\nput i,10;\nENDFOR\nput 1,-20;\nENDPROC\n"
-            "PROC put(num i,num d)\nMoveJ Offs(p1,i*d,d,0),v50,fine,tGrip\\WObj:=wPart;\nENDPROC\nENDMODULE\n"
-        )
-        wanted = [se3.translation(i * d * 1e-3, d * 1e-3, 0.0) @ at for i, d in ((0, 10), (1, 10), (2, 10), (1, -20))]
-    else:
-        names, file = ("TOOL_DATA[1]", "BASE_DATA[1]"), "p.src"
-        text = (
-            f"DEF p()\nDECL INT I\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\n$IPO_MODE=#BASE\nPTP {krl_joints(q)}\n"
-            f"FOR I=0 TO 3\nPTP {krl_frame(at)}:{{X I*10,Y 0,Z -20,A 0,B 0,C 0}}\nENDFOR\nEND\n"
-        )
-        wanted = [at @ se3.translation(i * 0.01, 0.0, -0.02) for i in range(4)]
-    given = {"tools": {names[0]: Frame(name=names[0], T=TOOL)}, "parts": {names[1]: Frame(name=names[1], T=standing)}}
-    program = parse_program((Source.of(Path(file), text.encode()),), robot=robot, **given)
-    found = correct(calibration, program, bounds=Bounds(tolerance=1e-7, shift=0.05, turn=0.2))
-    assert not found.rejected
-    again = [
-        motion for motion in parse_program(found.sources, robot=robot, **given).motions if motion.end.T is not None
-    ]
-    for T, motion in zip(wanted, again[-4:], strict=True):
-        got = np.linalg.inv(standing) @ true_tool(calibration, chain, motion.flange(motion.end.T), q, TOOL)
-        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)
 
 
 def test_true_part_in_a_kukas_hand_is_as_programmed(true_robot):
     """The true part in a KUKA's hand is where the program wants it."""
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
-    standing = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
+    calibration, chain, q, robot, flange = true_robot
+    standing = flange @ TOOL @ ASIDE
     wanted = [np.linalg.inv(se3.translation(*step) @ flange @ TOOL) @ standing for step in STEPS]
     lines = ["DEF p()", "$TOOL = BASE_DATA[1]", "$BASE = TOOL_DATA[1]", "$IPO_MODE = #TCP", f"PTP {krl_joints(q)}"]
     lines += [f"{'LIN' if k else 'PTP'} {krl_frame(T)}" for k, T in enumerate(wanted)]
@@ -130,16 +90,13 @@ def test_true_part_in_a_kukas_hand_is_as_programmed(true_robot):
     for T, move in zip(wanted, parse_program(found.sources, robot=robot).motions[1:], strict=True):
         true_held = true_tool(calibration, chain, move.flange(move.end.T), q, TOOL)
         got = np.linalg.inv(true_held) @ standing
-        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)
+        meets(got, T)
         assert np.abs(move.end.T - T).max() > 1e-5
 
 
 def test_the_true_cutter_of_an_apt_path_is_where_its_points_are(true_robot):
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
-    part = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
+    calibration, chain, _, robot, flange = true_robot
+    part = flange @ TOOL @ ASIDE
     wanted = [np.linalg.inv(part) @ se3.translation(*step) @ flange @ TOOL for step in STEPS]
     points = [
         "GOTO/" + ",".join(f"{v:.9f}" for v in (*T[:3, 3] * 1e3, *-T[:3, 2])) for T in wanted
@@ -167,9 +124,7 @@ def test_true_tool_is_as_programmed_on_external_axes(true_robot, name, carries):
     """On a track the robot's base moves; on a turntable, in RAPID, the part does."""
     if carries == "part" and name == "p.src":
         pytest.skip("a base that moves is named by machine data, which tests/robot_programs/krl reads")
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+    calibration, chain, q, robot, flange = true_robot
     direction, stations = np.array([0.6, 0.8, 0.0]), (0.0, 250.0, -120.0)
     table = flange @ TOOL @ se3.translation(0.1, 0.0, -0.05)
     inner = se3.translation(-0.03, 0.02, 0.04)
@@ -184,7 +139,8 @@ def test_true_tool_is_as_programmed_on_external_axes(true_robot, name, carries):
         for T, goal in zip(moved, flanges, strict=True)
     ]
     axis = ExternalAxis(
-        number=1, carries=carries, turns=carries == "part", direction=direction if carries == "robot" else np.array([0, 0, 1.0]),
+        number=1, carries=carries, slides_along=direction if carries == "robot" else None,
+        turns_about=None if carries == "robot" else np.array([0, 0, 1.0]),
         T_frame=None if carries == "robot" else table, unit="",
     )  # fmt: skip
     source = text_with_axes(name, standing if carries == "robot" else inner, wanted, stations, carries, robot, q)
@@ -196,8 +152,7 @@ def test_true_tool_is_as_programmed_on_external_axes(true_robot, name, carries):
         T_base_part = np.linalg.inv(at) @ standing if carries == "robot" else at @ inner
         goal = T_base_part @ move.end.T @ np.linalg.inv(TOOL)
         got = np.linalg.inv(T_base_part) @ true_tool(calibration, chain, goal, q, TOOL)
-        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)
+        meets(got, T)
         assert np.abs(move.end.T[:3, 3] - T[:3, 3]).max() > 1e-5
 
 
@@ -206,10 +161,10 @@ def text_with_axes(name, part, targets, stations, carries, robot, q):
     if name == "p.src":
         lines = ["DEF p()", f"$TOOL = {krl_frame(TOOL)}", f"$BASE = {krl_frame(part)}"]
         lines += [
-            f"{'LIN' if k else 'PTP'} {krl_frame(T)[:-1]}, E1 {s}}}"
+            f"{'LIN' if k else 'PTP'} {krl_frame(T, f',E1 {s}')}"
             for k, (T, s) in enumerate(zip(targets, stations, strict=True))
         ]
-        lines[3:3] = [f"PTP {krl_joints(q)[:-1]}, E1 0}}"]
+        lines[3:3] = [f"PTP {krl_joints(q, ',E1 0')}"]
         return Source.of(Path(name), "\n".join([*lines, "END", ""]).encode())
     unit = '[FALSE,TRUE,"",' if carries == "robot" else '[FALSE,FALSE,"STN1",'
     configuration = RapidConfiguration.of(robot, q)
@@ -225,56 +180,10 @@ def text_with_axes(name, part, targets, stations, carries, robot, q):
     return Source.of(Path(name), "\n".join([*lines, "ENDPROC", "ENDMODULE", ""]).encode())
 
 
-def rapid_pose(T):
-    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
-    numbers = ",".join(f"{v:.6f}" for v in T[:3, 3] * 1e3)
-    return f"[[{numbers}],[{','.join(f'{v:.10f}' for v in (w, x, y, z))}]]"
-
-
-def krl_joints(q):
-    return "{" + ", ".join(f"A{k + 1} {v:.6f}" for k, v in enumerate(np.degrees(q))) + "}"
-
-
-def krl_frame(T):
-    c, b, a = np.degrees(Rotation.from_matrix(T[:3, :3]).as_euler("xyz"))
-    values = zip("XYZABC", (*T[:3, 3] * 1e3, a, b, c), strict=True)
-    return "{" + ", ".join(f"{name} {v:.8f}" for name, v in values) + "}"
-
-
-def test_the_true_tool_is_where_a_krl_loop_wants_it(true_robot):
-    """The elements that a loop goes to get their numbers in the data list; what a call gives is looked at, too."""
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
-    part = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
-    wanted = [np.linalg.inv(part) @ se3.translation(*step) @ flange @ TOOL for step in STEPS]
-    home = ", ".join(f"A{k + 1} {v:.6f}" for k, v in enumerate(np.degrees(q)))
-    lines = ["DEF p()", "INT I", f"$TOOL = {krl_frame(TOOL)}", f"$BASE = {krl_frame(part)}", f"PTP {{{home}}}"]
-    lines += ["FOR I=1 TO 3", "IF I==1 THEN", "PTP XP[I]", "ELSE", "GO(I)", "ENDIF", "ENDFOR", "END"]
-    lines += ["DEF GO(N :IN)", "INT N", "LIN XP[N]", "END", ""]
-    points = [f"XP[{k + 1}]={krl_frame(T)}" for k, T in enumerate(wanted)]
-    data = "\n".join(["DEFDAT p", "DECL FRAME XP[3]", *points, "ENDDAT", ""])
-    sources = Source.of(Path("p.src"), "\n".join(lines).encode()), Source.of(Path("p.dat"), data.encode())
-    program = parse_program(sources, robot=robot)
-    assert [(move.texts_motions, move.follows) for move in program.motions] == [(1, None), (1, 0), (2, 1), (2, 2)]
-    found = correct(calibration, program, bounds=COARSE)
-    assert not found.rejected
-    after, before = (source.text.partition("FOR I=1")[2] for source in (found.sources[0], sources[0]))
-    assert after == before
-    again = parse_program(found.sources, robot=robot).motions[-3:]
-    for T, move in zip(wanted, again, strict=True):
-        got = np.linalg.inv(part) @ true_tool(calibration, chain, part @ move.end.T @ np.linalg.inv(TOOL), q, TOOL)
-        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], T[:3, :3], atol=2e-6)
-        assert np.abs(move.end.T[:3, 3] - T[:3, 3]).max() > 1e-5
-
-
 @pytest.mark.parametrize("name", ["p.mod", "p.src"])
 def test_true_tool_is_as_programmed_on_a_pedestal(true_robot, name):
     """Its base is in MOC.cfg or $machine.dat; a pure rotation at the end goes at the stated speed."""
-    calibration, chain, q = true_robot
-    robot = calibration.model.robot
-    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+    calibration, chain, q, robot, flange = true_robot
     base = se3.translation(1.0, -2.0, 0.8) @ se3.rotation("z", 0.5)
     part = base @ flange @ TOOL @ se3.rotation("x", 0.4)
     flanges = [se3.translation(*step) @ flange for step in STEPS]

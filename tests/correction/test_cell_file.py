@@ -46,10 +46,8 @@ def test_a_cell_reads_back_as_it_was_written(tmp_path):
 def test_base_and_external_axes_survive_the_cell_file(tmp_path):
     """The robot's base and its external axes read back as they were written."""
     axes = (
-        ExternalAxis(number=1, carries="robot", direction=np.array([0.0, 0.6, 0.8])),
-        ExternalAxis(
-            number=2, carries="part", turns=True, direction=np.array([0.0, 0.0, 1.0]), T_frame=POSE, unit="STN1"
-        ),
+        ExternalAxis(number=1, carries="robot", slides_along=np.array([0.0, 0.6, 0.8])),
+        ExternalAxis(number=2, carries="part", turns_about=np.array([0.0, 0.0, 1.0]), T_frame=POSE, unit="STN1"),
         ExternalAxis(number=5, carries="nothing"),
     )
     write_cell(tmp_path / "cell.toml", Cell(T_world_base=POSE, axes=axes))
@@ -71,7 +69,7 @@ def test_base_and_external_axes_survive_the_cell_file(tmp_path):
         ('[[axis]]\nnumber = 1\ncarries = "tool"\n', "carries"),
         ('[[axis]]\nnumber = 7\ncarries = "nothing"\n', "number"),
         ('[[axis]]\nnumber = 1\ncarries = "nothing"\nunit = "STN1"\n', "carries nothing: leave out"),
-        ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 0]\n', "has no length"),
+        ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 0]\n', "has no direction"),
         ('[[axis]]\nnumber = 1\ncarries = "robot"\nslides_along = [0, 0, 1]\nunit = "A"\n', "axes that carry the part"),
         (2 * '[[axis]]\nnumber = 1\ncarries = "nothing"\n', "axis 1 is stated twice"),
         ('[[tool]]\nname = "a"\n[[tool]]\nname = "A"\n', "two tools are named 'a'"),

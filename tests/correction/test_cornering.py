@@ -11,7 +11,7 @@ from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.rewrite import compose_rapid
 from taskcal.correction.controller import CORNER_LOST, joint_motion, simulate_controller
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.correction.path import RoundedPath
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture

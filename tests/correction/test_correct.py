@@ -9,7 +9,7 @@ from robot_programs.core.program import Frame
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel

@@ -44,7 +44,9 @@ def test_a_correction_takes_away_the_position_and_says_what_is_left(palletizer, 
     np.testing.assert_allclose(true[:, :3, 3], T[:, :3, 3], atol=1e-6)
     left = np.degrees(angles_between(true, T).max())
     assert left > 0.02
-    assert dict(tabulate_correction(found))["not corrected"].startswith(f"up to {left:.3f}° at targets")
+    assert dict(tabulate_correction(found.told(), palletizer.model.robot))["not corrected"].startswith(
+        f"up to {left:.3f}° at targets"
+    )
 
 
 @pytest.mark.parametrize("target", [0, 1], ids=["first", "along a line"])

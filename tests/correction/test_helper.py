@@ -6,20 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.errors import InputError
 from robot_programs.core.program import Composition, Frame, pose_numbers
 from robot_programs.core.source import Source
+from robot_programs.krl.points import Status
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.rewrite import RapidProgram, compose_rapid
 from taskcal.correction.cell import Cell, ExternalAxis, Measured
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.correction.run_time import FUNCTION, MODULE, helper_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.robot.error_model import ErrorModel
+from taskcal_groundwork.errors import InputError
 
 COMPUTED = """
   PROC main()
@@ -109,13 +110,37 @@ def test_a_program_of_computed_targets_alone_is_written(calibration, tmp_path):
     assert paths[0].read_text() == text.replace("MoveL p", f"MoveL {FUNCTION}(p,tool0,wobj0)")
 
 
+SWINGING = {"rejected": "jHome", "out of reach": "jFar", "kept": "jHome"}
+
+
+@pytest.mark.parametrize("case", SWINGING)
+def test_a_program_with_a_rejected_home_and_computed_targets_is_written(case, calibration, tmp_path):
+    """Nothing is corrected by its text; what is corrected at run time is worth writing."""
+    text = (
+        "MODULE a\nCONST jointtarget jHome:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        "CONST jointtarget jFar:=[[0,0,0,0,0,9000],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        f"PROC main()\nVAR robtarget p;\nMoveAbsJ {SWINGING[case]},v100,fine,tool0;\nAsk p;\nMoveL p,v100,fine,tool0;\n"
+        "ENDPROC\nENDMODULE\n"
+    )
+    program = read_rapid([Source.of(Path("a.mod"), text.encode())])
+    given = {"bounds": Bounds(joint=1e-9), "keep_joints": case == "kept", "accept_uncertain": True}
+    found = correct(calibration, program, helper=True, **given)
+    assert bool(found.rejected) == (case != "kept")
+    assert not len(found.corrected)
+    paths = found.write(tmp_path / "b.mod")
+    assert paths[0].read_text() == text.replace("MoveL p", f"MoveL {FUNCTION}(p,tool0,wobj0)")
+    plain = correct(calibration, program, **given)
+    assert bool(plain.why_unwritten) == (case != "kept")
+    assert not [one for one in found.diagnostics if "no motion of this file" in one.text]
+
+
 def test_a_helper_is_refused_where_the_controller_does_not_know_enough(program, lost_motion, calibration):
     with pytest.raises(TaskcalError, match=r"backlash .*approach"):
         correct(lost_motion, program, helper=True)
     again = helper_for(calibration, program, Cell(), Bounds(), None).wrap(program).program
     with pytest.raises(InputError, match=f"has a function {FUNCTION} already"):
         correct(calibration, again, helper=True)
-    carried = Cell(axes=(ExternalAxis(number=1, carries="robot", direction=np.array([1.0, 0.0, 0.0])),))
+    carried = Cell(axes=(ExternalAxis(number=1, carries="robot", slides_along=np.array([1.0, 0.0, 0.0])),))
     with pytest.raises(TaskcalError, match="carries the robot"):
         correct(calibration, program, cell=carried, helper=True)
 
@@ -154,12 +179,14 @@ LIN TaskcalCorrectedFrame(XP1:$NULLFRAME)
 def test_krl_points_of_the_running_program_alone_are_wrapped(krl_calibration):
     robot = krl_calibration.model.robot
     tool = robot.T_flange_tool @ se3.translation(z=0.01)
-    first = ErrorModel(robot).poses(np.radians([[10.0, -80.0, 100.0, 20.0, 40.0, 30.0]]))[0] @ se3.translation(z=0.01)
+    q = np.radians([10.0, -80.0, 100.0, 20.0, 40.0, 30.0])
+    first = ErrorModel(robot).poses(q[None])[0] @ se3.translation(z=0.01)
+    posture = Status(S=0, T=0).of(robot, q)
 
     def text(T):
         return "{" + ",".join(f"{n} {v:.5f}" for n, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"
 
-    own = KRL.replace("{TOOL}", text(tool)).replace("{FIRST}", text(first))
+    own = KRL.replace("{TOOL}", text(tool)).replace("{FIRST}", f"{text(first)[:-1]},S {posture.S},T {posture.T}}}")
     own = own.replace("{SECOND}", text(se3.translation(x=0.03) @ first))
     program = read_krl([Source.of(Path("cell.src"), own.encode())])
     found = correct(krl_calibration, program, bounds=Bounds(shift=0.02, tolerance=1.0), helper=True)

@@ -1,9 +1,11 @@
 """Programs of robots on pedestals, on tracks, and beside positioners."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from robot_programs.core.program import Frame
@@ -12,19 +14,18 @@ from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import Configuration
 from robot_programs.reading import read_program
-from taskcal.correction.cell import Cell, ExternalAxis, Measured, mount
+from taskcal.correction.cell import Cell, ExternalAxis, Measured, carried_part, carried_robot, mount
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.robot.error_model import ErrorModel
-from tests.correction.test_correct import true_poses
 
 BASE = se3.pose(se3.exp(np.array([0.0, 0.0, 0.8])), np.array([0.4, -1.2, 0.9]))
-TRACK = ExternalAxis(number=1, carries="robot", direction=np.array([0.0, 0.6, 0.8]))
+TRACK = ExternalAxis(number=1, carries="robot", slides_along=np.array([0.0, 0.6, 0.8]))
 TABLE = ExternalAxis(
-    number=2, carries="part", turns=True, direction=np.array([0.0, 0.0, 1.0]),
+    number=2, carries="part", turns_about=np.array([0.0, 0.0, 1.0]),
     T_frame=se3.pose(se3.exp(np.array([0.1, 0.2, 0.3])), np.array([1.5, 0.3, 0.4])), unit="STN1",
 )  # fmt: skip
 COARSE = Bounds(tolerance=1.0)
@@ -125,35 +126,26 @@ def test_conflicting_bases_are_refused():
     assert not mount(program, Cell(T_world_base=se3.translation(0.0, 0.0, 0.5))).refused
 
 
-def test_the_true_tool_of_a_robot_on_a_track_goes_to_the_targets(corners, part, robot, conf, calibration):
-    """In the world, by plain products: where the track has the robot, times that robot, is where the part has the target."""
-    tool, stations = robot.T_flange_tool, (0.0, 700.0, 700.0)
-    world = BASE @ part
-    travel = [se3.translation(*(TRACK.direction * s * 1e-3)) for s in stations]
+def test_line_along_which_a_track_moves_is_corrected_at_its_end(corners, part, robot, conf, calibration):
+    """And the one after it begins where it ended."""
+    stations, world = (0.0, 700.0, 700.0), BASE @ part
+    travel = [se3.translation(*(TRACK.slides_along * s * 1e-3)) for s in stations]
     # targets that the robot reaches where the track then has it
     targets = [se3.inverse(world) @ T @ BASE @ corner for T, corner in zip(travel, corners, strict=True)]
-    program = read_rapid([program_of(targets, world, tool, conf=conf, external=[{0: s} for s in stations])])
+    axes = [{0: s} for s in stations]
+    program = read_rapid([program_of(targets, world, robot.T_flange_tool, conf=conf, external=axes)])
     cell = Cell(T_world_base=BASE, axes=(TRACK,))
+    assert [move.follows for move in mount(program, cell).program.motions] == [None, None, 1]
     found = correct(calibration, program, cell=cell, bounds=COARSE)
     assert not found.rejected
-    true = [T @ BASE @ pose for T, pose in zip(travel, true_poses(calibration, found.motions, robot), strict=True)]
-    wanted = [world @ T for T in targets]
-    np.testing.assert_allclose(np.array(true)[:, :3, 3], np.array(wanted)[:, :3, 3], atol=3e-7)
-    # the line along which the track moves is corrected at its end; the one after it begins where it ended
-    assert [move.follows for move in mount(program, cell).program.motions] == [None, None, 1]
     assert sum("an external axis moves robot or part along it" in str(d) for d in found.diagnostics) == 1
 
 
-def test_a_part_on_a_positioner_is_where_its_axis_has_it(corners, part, robot, conf, calibration):
-    tool, turn = robot.T_flange_tool, np.radians(35.0)
-    carried = TABLE.T_frame @ se3.pose(se3.exp(np.array([0.0, 0.0, turn])), np.zeros(3))
-    inner = se3.inverse(carried) @ part  # what the table carries, so that it comes to stand at the part's place
+def test_a_part_on_a_positioner_is_measured_at_no_other_place(corners, part, robot, conf, calibration):
     targets = in_part(part, corners)
-    plain = correct(calibration, read_rapid([program_of(targets, part, tool, conf=conf)]), bounds=COARSE)
-    program = read_rapid([program_of(targets, inner, tool, conf=conf, external=[{1: 35.0}] * 3, unit="stn1")])
-    found = correct(calibration, program, cell=Cell(axes=(TABLE,)), bounds=COARSE)
-    assert not found.rejected
-    np.testing.assert_allclose(ends(found), ends(plain), atol=3e-8)
+    program = read_rapid(
+        [program_of(targets, part, robot.T_flange_tool, conf=conf, external=[{1: 35.0}] * 3, unit="stn1")]
+    )
     tracked = Cell(axes=(TABLE,), parts={"wpart": Measured(name="wPart", in_tracker=np.eye(4))})
     with pytest.raises(TaskcalError, match="'wPart' was measured with the external axes at zero"):
         correct(calibration, program, cell=tracked)
@@ -175,8 +167,6 @@ def test_what_external_axes_carry_is_asked_for(external, unit, axes, words, corn
     found = correct(calibration, program, cell=Cell(axes=axes), bounds=COARSE)
     assert len(found.rejected) == 3
     (why,) = set(found.rejected.values())
-    import re
-
     assert re.search(words, why)
     assert [source.text for source in found.sources] == [source.text for source in program.sources]
 
@@ -219,33 +209,14 @@ def test_tools_that_are_loaded_have_to_be_told(tmp_path, corners, robot, calibra
     assert {move.tool.name for move in told.motions} == {"", "2"}
 
 
-def test_the_same_track_in_krl(corners, part, robot, conf, calibration):
-    from robot_programs.krl.data import pose_values
-
-    def written(T):
-        return ",".join(f"{name} {value:.9g}" for name, value in pose_values(T).items())
-
-    stations = (0.0, 700.0)
-    travel = [se3.translation(*(TRACK.direction * s * 1e-3)) for s in stations]
-    targets = [se3.inverse(BASE @ part) @ T @ BASE @ corner for T, corner in zip(travel, corners, strict=False)]
-    lines = [
-        f"{'LIN' if i else 'PTP'} {{{written(T)},E1 {s}}}"
-        for i, (T, s) in enumerate(zip(targets, stations, strict=True))
-    ]
-    lines.append(f"LIN {{{written(targets[1])}}}")  # the track stays where it was
-    text = [f"$TOOL={{{written(robot.T_flange_tool)}}}", f"$BASE={{{written(BASE @ part)}}}", "$VEL.CP=0.05", *lines]
-    program = read_krl([Source.of(Path("p.src"), "\n".join(["DEF P( )", *text, "END", ""]).encode())])
-    cell = Cell(T_world_base=BASE, axes=(TRACK,))
-    found = correct(calibration, program, cell=cell, bounds=COARSE)
-    assert not found.rejected
-    true = true_poses(calibration, found.motions, robot)
-    expected = [
-        se3.inverse(T @ BASE) @ BASE @ part @ target
-        for T, target in zip((*travel, travel[1]), (*targets, targets[1]), strict=True)
-    ]
-    np.testing.assert_allclose(true[:, :3, 3], np.array(expected)[:, :3, 3], atol=1e-7)
-    unsaid = mount(replace(program), Cell(T_world_base=BASE))
-    assert list(unsaid.refused) == [1, 2]
+def test_a_track_of_which_a_krl_point_says_nothing_stays_where_it_was():
+    point = "LIN {{X {},Y 0,Z 0,A 0,B 0,C 0{}}}".format
+    lines = ["$TOOL=$NULLFRAME", "$BASE=$NULLFRAME", point(1, ",E1 0"), point(2, ",E1 700"), point(3, "")]
+    program = read_krl([Source.of(Path("p.src"), "\n".join(["DEF P( )", *lines, "END", ""]).encode())])
+    first, second, third = (move.part.T for move in mount(program, Cell(axes=(TRACK,))).program.motions)
+    np.testing.assert_array_equal(third, second)
+    np.testing.assert_allclose(second, se3.translation(*(-0.7 * TRACK.slides_along)) @ first)
+    assert list(mount(program, Cell()).refused) == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -261,3 +232,60 @@ def test_mount_refuses_axes_shifted_by_an_unknown_amount(axes, refused, at, corn
     assert (
         not refused or "may be shifted from where the text has it (EOffsSet in part.mod:5)" in mounted.refused[0] or at
     )
+
+
+# What external axes carry, against Pinocchio.
+
+
+def random_pose(rng):
+    return se3.pose(se3.exp(rng.uniform(-2, 2, 3)), rng.uniform(-2, 2, 3))
+
+
+def random_axes(rng, carries):
+    axes = []
+    for number in range(1, 1 + int(rng.integers(1, 4))):
+        direction = rng.normal(size=3)
+        axes.append(
+            ExternalAxis(
+                number=number,
+                carries=carries,
+                **{("slides_along", "turns_about")[rng.integers(2)]: direction / np.linalg.norm(direction)},
+                T_frame=random_pose(rng) if rng.integers(4) else None,
+            )
+        )
+    return axes
+
+
+def by_pinocchio(axes, positions):
+    """Pose of the last axis' carriage: a chain of joints, each in the frame that the one before carries."""
+    model, parent = pin.Model(), 0
+    for axis in axes:
+        turns = axis.turns_about is not None
+        joint = (pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned)(
+            axis.turns_about if turns else axis.slides_along
+        )
+        frame = np.eye(4) if axis.T_frame is None else axis.T_frame
+        parent = model.addJoint(parent, joint, pin.SE3(frame), f"axis{axis.number}")
+    data = model.createData()
+    q = [p * 1e-3 if axis.turns_about is None else np.radians(p) for axis, p in zip(axes, positions, strict=False)]
+    pin.forwardKinematics(model, data, np.array(q))
+    return data.oMi[parent].homogeneous
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_part_is_where_a_chain_of_joints_carries_it(seed):
+    rng = np.random.default_rng(seed)
+    axes, positions = random_axes(rng, "part"), rng.uniform(-500, 500, 6)
+    np.testing.assert_allclose(carried_part(axes, positions), by_pinocchio(axes, positions), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_robot_is_where_a_chain_of_joints_carries_it(seed):
+    rng = np.random.default_rng(seed)
+    axes, positions = random_axes(rng, "robot"), rng.uniform(-500, 500, 6)
+    base = random_pose(rng)
+    home = by_pinocchio(axes, np.zeros(6))
+    expected = (
+        by_pinocchio(axes, positions) @ se3.inverse(home) @ base
+    )  # the base stays where it is on the last carriage
+    np.testing.assert_allclose(carried_robot(axes, positions) @ base, expected, atol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from robot_programs.core.program import Frame
 from robot_programs.reading import read_program
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.geometry import se3
 from tests.correction.test_correct import write_path
 

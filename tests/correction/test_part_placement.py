@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import Frame
@@ -13,14 +15,21 @@ from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.frames import frames_on
-from taskcal.correction.part_placement import PartPlacements, PlacedPart, Region, place, without_rigid_motion
-from taskcal.demo.true_robot import elastic_robot
+from taskcal.correction.part_placement import (
+    MIN_MARGIN,
+    PartPlacements,
+    PlacedPart,
+    Region,
+    place,
+    without_rigid_motion,
+)
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import solve_near
-from taskcal.report.placement import state_trade
+from taskcal.report.placement import state_recommendation, state_trade
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
+from taskcal_demo.true_robot import elastic_robot
 
 NOWHERE = Region(low=np.zeros(3), high=np.zeros(3))
 
@@ -64,7 +73,8 @@ def test_touched_part_keeps_relative_errors_only(calibration, program, robot):
     trajectory = simulate_controller(robot, program.motions)
     frames, _ = frames_on(calibration, program.motions, Cell())
     (frame,) = frames
-    points, spread = frame.points(trajectory.end), frame.spread(trajectory.end)
+    moved = frame.moved(trajectory.end)
+    points, spread = frame.points(moved), frame.spread(moved)
     about = points - points.mean(axis=0)
     rng, squares = np.random.default_rng(0), []
     for _ in range(400):
@@ -191,6 +201,58 @@ def test_a_placement_is_ranked_by_what_is_left_and_states_its_units():
     ]
     ranked = PartPlacements(name="part", now=one, all=(one, *others)).ranked
     assert ranked == (others[1], others[0], one)
+
+
+ANY = st.builds(
+    PlacedPart,
+    shift=st.just(np.zeros(3)), turn=st.just(0.0), reached=st.sampled_from([1.0, 1.0, 0.9]), obstacle=st.just(""),
+    before=st.just(1.0), after=st.floats(1e-5, 2e-2), compliance=st.sampled_from([np.nan, 1e-3]), margin=st.floats(0.0, 1.0),
+    conditioning=st.sampled_from([0.2, 0.2, 0.0]), outside=st.sampled_from(["", "", "1 of 30 targets is outside"]),
+)  # fmt: skip
+
+
+@given(now=ANY, every=st.lists(ANY, min_size=1, max_size=5), tolerance=st.none() | st.floats(1e-4, 2e-2))
+def test_no_place_is_recommended_that_the_task_or_the_calibration_does_not_allow(now, every, tolerance):
+    """However much better it is than where the part stands; nor is the part left where it may not be."""
+    found = PartPlacements(name="part", now=now, all=tuple(every), tolerance=tolerance)
+
+    def fits(placed):
+        stiff = 0.0 if np.isnan(placed.compliance) else placed.compliance
+        exact = tolerance is None or np.hypot(placed.after, stiff) <= tolerance
+        return placed.possible and not placed.outside and exact
+
+    said, best = state_recommendation(found), found.recommended
+    worth = [
+        placed
+        for placed in every
+        if fits(placed)
+        and (placed.margin >= MIN_MARGIN or (now.possible and placed.margin >= now.margin))
+        and (not fits(now) or placed.expected <= 0.9 * now.expected)
+    ]
+    assert (best is None) == (not worth)
+    assert best is None or min(worth, key=lambda placed: round(placed.expected, 9)).expected == pytest.approx(
+        best.expected, abs=1e-9
+    )
+    assert ("leave the part" in said) == (best is None and fits(now))
+    assert said.startswith("none: ") == bool(found.unmet) == (best is None and not fits(now))
+    if found.unmet and found.ranked and (first := found.ranked[0]).outside and fits(replace(first, outside="")):
+        assert said == f"none: {first.outside}"
+
+
+def test_a_recommended_place_lies_where_the_robot_was_measured(calibration, program):
+    """With a region that goes out of the measured range; the ranges of the joints are the campaign's own."""
+    region = Region(low=np.array([-0.4, -0.6, -0.3]), high=np.array([0.4, 0.6, 0.3]), steps=(3, 1))
+    found = place(calibration, program, region, accept_uncertain=True)
+    low, high = calibration.q.min(axis=0) - np.radians(1.0), calibration.q.max(axis=0) + np.radians(1.0)
+    robot, seen = calibration.model.robot, {True: 0, False: 0}
+    for placed in found.ranked:
+        part = Frame(name="part", T=se3.translation(*placed.shift) @ program.motions[0].part.T)
+        moved = tuple(replace(motion, part=part) for motion in program.motions)
+        q = simulate_controller(robot, moved).end
+        inside = bool(((low <= q) & (q <= high)).all())
+        assert inside or found.unfit(placed)
+        seen[inside] += 1
+    assert min(seen.values()) > 0, seen
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,10 @@
 """What is not corrected, and that the reason names what would have to be allowed."""
 
+import numpy as np
 import pytest
 
 from taskcal.correction.correct import find_rejections, target_changes
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 
 
 @pytest.mark.parametrize(
@@ -23,3 +24,11 @@ def test_motion_beyond_a_bound_is_rejected_alone(robot, corrected, bounds, words
     assert list(rejected) == [2]
     assert words in rejected[2]
     assert not find_rejections(robot, subdivision, changes, Bounds(shift=1.0, turn=1.0, joint=1.0))
+
+
+def test_changes_are_the_largest_distance_angle_and_joint_motion(robot, corrected):
+    trajectory, subdivision = corrected([0.0, 1e-3, 2e-3], [0.0, 0.01, 0.02], [0.0, 0.03, 0.001])
+    changes = target_changes(robot, subdivision, trajectory)
+    np.testing.assert_allclose(changes.shift, [0.0, 1e-3, 2e-3], atol=1e-12)
+    np.testing.assert_allclose(changes.turn, [0.0, 0.01, 0.02], atol=1e-9)
+    np.testing.assert_allclose(changes.joint, [0.0, 0.03, 0.001], atol=1e-12)

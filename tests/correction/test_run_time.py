@@ -2,17 +2,18 @@
 
 import re
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robot_programs.core.source import Source
-from robot_programs.krl.rewrite import Status
+from robot_programs.krl.points import Status
 from robot_programs.rapid.read import read_rapid
-from taskcal.correction.cell import Cell
-from taskcal.correction.correction import Bounds
+from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.frames import _flange_in_tool
+from taskcal.correction.options import Bounds
 from taskcal.correction.run_time import FUNCTION, krl_helper, rapid_helper, urscript_helper
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import conditioning, solve_near
@@ -228,3 +229,58 @@ def test_helpers_keep_to_lengths_of_lines_and_names(krl_calibration, helper, lin
     assert max(map(len, text.splitlines())) <= line
     assert max(map(len, re.findall(r"\w+", text))) <= name
     assert "@" not in text
+
+
+def stops(calibration, cell, tooldata=(), wobj=(), extax=()):
+    """Whether the module's text stops at once, with other data of a tool, a work object and external axes."""
+    robot = calibration.model.robot
+    bounds = Bounds(shift=0.05, turn=0.2, joint=1.0)
+    module = rapid_helper(calibration, program(), replace(cell, T_world_base=BASE), bounds)
+    on = RapidCell(robot, BASE, TABLE, SPINDLE)
+    (on.seed,) = q = postures(robot, 1)
+    target = on.target(wanted_targets(calibration, q)[0][0])
+    for record, given in ((on.tooldata, tooldata), (on.wobj, wobj), (target.extax, extax)):
+        for name, value in dict(given).items():
+            setattr(record, name, value)
+    try:
+        rapid_functions(module.source.text, on.calc_joint_t)[FUNCTION](target, on.tooldata, on.wobj)
+    except Stopped:
+        return True, module
+    return False, module
+
+
+def declared(value):
+    return str(value).upper()
+
+
+@pytest.mark.parametrize(
+    ("held", "in_hand", "fixed", "unit"), [*product((True, False), (True, False), (True, False), ("CNV1", ""))]
+)
+def test_rapid_is_wrapped_where_the_module_does_not_stop_at_once(held, in_hand, fixed, unit, calibration):
+    """By the flags of tool and work object: with a conveyor's, one in the hand, or a tool that stands still, it only stops."""
+    stopped, module = stops(calibration, Cell(), {"robhold": held}, {"robhold": in_hand, "ufprog": fixed})
+    text = f"""MODULE a
+PERS tooldata t:=[{declared(held)},[[0,0,120],[1,0,0,0]],[1,[0,0,50],[1,0,0,0],0,0,0]];
+PERS wobjdata w:=[{declared(in_hand)},{declared(fixed)},"{unit}",[[300,0,50],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+PROC main()
+VAR robtarget p;
+Ask p;
+MoveL p,v100,fine,t\\WObj:=w;
+ENDPROC
+ENDMODULE
+"""
+    wrapping = module.wrap(program(text))
+    assert bool(wrapping.wrapped) is not stopped
+    assert any("would only stop the program" in one.text for one in wrapping.left) is stopped
+
+
+@pytest.mark.parametrize("given", [{}, {1: 0.0}, {1: 250.0}, {2: 250.0}, {1: 250.0, 3: 1.0}, {6: -1.0}])
+@pytest.mark.parametrize("nothing", [(), (1,), (1, 3), (2, 6)])
+def test_so_are_motions_whose_text_others_have(given, nothing, calibration, make_moves, middle):
+    """By the places of their external axes, of which some carry nothing."""
+    cell = Cell(axes=tuple(ExternalAxis(number=number, carries="nothing") for number in nothing))
+    stopped, module = stops(calibration, cell, extax={f"eax_{'abcdef'[k - 1]}": F(v) for k, v in given.items()})
+    move = replace(make_moves([middle])[0], external=tuple(given.get(k, np.nan) for k in range(1, 7)))
+    assert module._stops_at(move) is stopped
+    assert module._stops_at(replace(move, carrier="CNV1"))
+    assert module._stops_at(replace(move, part_in_hand=True))

@@ -7,19 +7,19 @@ import pytest
 
 from robot_programs.core.program import Program, angles
 from robot_programs.core.source import Source
-from robot_programs.krl.data import pose_values
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import Configuration
 from robot_programs.tp.read import read_tp
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
+from taskcal.correction.options import Bounds
 from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.robot.error_model import ErrorModel
-from tests.correction.test_tp import calibration as tp_calibration  # noqa: F401
+from tests.correction.test_tp import true_robot
 from tests.robot_programs.tp.samples import R2000, backup, listing, pose
+from tests.robot_programs.written import krl_frame, krl_joints, rapid_pose
 
 FREE = Bounds(tolerance=1.0, shift=0.02)
 SLOW = "v50,fine,tMill\\WObj:=wobj0;"
@@ -31,15 +31,11 @@ def rapid(shifted, robot):
     conf = Configuration.of(robot, find_posture(ErrorModel(robot), shifted(0, 0, 0)))
 
     def build(main: str, routines: str = "") -> Program:
-        def frame(T):
-            x, y, z, w = se3.to_quaternion(T[:3, :3])
-            return f"[{(T[:3, 3] * 1e3).round(4).tolist()},{np.array([w, x, y, z]).round(9).tolist()}]"
-
         targets = "".join(
-            f"CONST robtarget p{k}:={frame(shifted(x, 0, 0))[:-1]},{conf},[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+            f"CONST robtarget p{k}:={rapid_pose(shifted(x, 0, 0), 4)[:-1]},{conf},[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
             for k, x in ((1, 0.0), (2, 150.0))
         )
-        tool = f"PERS tooldata tMill:=[TRUE,{frame(robot.T_flange_tool)},[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+        tool = f"PERS tooldata tMill:=[TRUE,{rapid_pose(robot.T_flange_tool, 4)},[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
         text = f"MODULE m\n{targets}{tool}VAR num h;\nPROC main()\n{main}\nENDPROC\n{routines}ENDMODULE\n"
         return read_rapid([Source.of(Path("m.mod"), text.encode())])
 
@@ -48,14 +44,18 @@ def rapid(shifted, robot):
 
 @pytest.fixture
 def krl(shifted, robot):
-    """A KRL program with two points, from its lines."""
+    """A KRL program with two points, from its lines; it begins at joint positions."""
 
     def build(*lines: str) -> Program:
-        def written(T):
-            return "{" + ",".join(f"{name} {value:.9g}" for name, value in pose_values(T).items()) + "}"
-
-        head = ["DEF P( )", "DECL FRAME A", f"$TOOL={written(robot.T_flange_tool)}", "$BASE=$NULLFRAME", "$VEL.CP=0.05"]
-        data = [f"DECL FRAME XP{k}={written(shifted(x, 0, 0))}" for k, x in ((1, 0.0), (2, 150.0))]
+        head = [
+            "DEF P( )",
+            "DECL FRAME A",
+            f"$TOOL={krl_frame(robot.T_flange_tool)}",
+            "$BASE=$NULLFRAME",
+            "$VEL.CP=0.05",
+        ]
+        head.append(f"PTP {krl_joints(find_posture(ErrorModel(robot), shifted(0, 0, 0)))}")
+        data = [f"DECL FRAME XP{k}={krl_frame(shifted(x, 0, 0))}" for k, x in ((1, 0.0), (2, 150.0))]
         files = ("p.src", [*head, *lines, "END", ""]), ("p.dat", ["DEFDAT P", *data, "ENDDAT", ""])
         return read_krl([Source.of(Path(name), "\n".join(text).encode()) for name, text in files])
 
@@ -85,19 +85,6 @@ AT, OTHER = f"MoveL p1,{SLOW}", f"MoveL p2,{SLOW}"
 PICK = (
     f"PROC pick(robtarget p)\nMoveL Offs(p,0,0,80),{SLOW}\nMoveL p,{SLOW}\nMoveL RelTool(p,0,0,-60),{SLOW}\nENDPROC\n"
 )
-
-
-@pytest.mark.parametrize("calls", ["pick p1;", "pick p1;\npick p2;"])
-def test_correct_writes_approach_and_target_of_a_called_routine(calls, rapid, calibration):
-    """Called once as called twice: the way down to the part stays the one that was programmed."""
-    program = rapid(calls, PICK)
-    found = correct(calibration, program, bounds=FREE)
-    assert len(found.corrected) in (0, len(program.motions))
-    if calls.count("pick") == 1:
-        assert len(found.corrected) == 3
-        again = program.reread(found.sources)
-        shift = [(b.end.T - a.end.T)[:3, 3] for a, b in zip(program.motions, again.motions, strict=True)]
-        assert np.ptp(shift, axis=0).max() < 3e-4 < np.abs(shift).max()
 
 
 def one_refused(calibration, program: Program) -> list[tuple[set[int], list[set[int]]]]:
@@ -152,34 +139,25 @@ def test_rapid_motions_to_one_target_are_corrected_together(main, routines, rapi
 def test_krl_motions_to_one_point_are_corrected_together(lines, krl, calibration):
     program = krl("PTP XP2", *lines)
     assert [str(d) for d in program.diagnostics] == []
-    assert len(program.motions) == 4
+    assert len(program.motions) == 5
     moved = correct(calibration, program, bounds=FREE)
     assert not moved.rejected
     for refused, _ in one_refused(calibration, program):
-        assert {1, 2, 3} <= refused or not {1, 2, 3} & refused
+        assert {2, 3, 4} <= refused or not {2, 3, 4} & refused
 
 
-def test_tp_motions_to_one_position_are_corrected_together(tp, tp_calibration):  # noqa: F811
+def test_tp_motions_to_one_position_are_corrected_together(tp):
     up = "L P[1] 9mm/sec FINE Offset,PR[2]"
     program = tp(up, "L P[1] 9mm/sec FINE", "L P[1] 9mm/sec FINE Tool_Offset,PR[2]", "L P[2] 9mm/sec FINE")
     assert len(program.motions) == 4
-    check_law(tp_calibration, program, {0, 1, 2})
+    check_law(true_robot()[0], program, {0, 1, 2})
 
 
-def test_motions_stay_with_one_to_their_target_that_is_not_read(rapid, krl, tp, calibration, tp_calibration):  # noqa: F811
-    """An approach by a height that only the running program knows keeps the target below it as it was."""
-    programs = [
-        (calibration, rapid(f"h:=GInput(giHeight);\nMoveL Offs(p1,0,0,h),{SLOW}\n{AT}\n{OTHER}")),
-        (calibration, krl("PTP XP2", "LIN XP1:{X 0,Y 0,Z HEIGHT,A 0,B 0,C 0}", "LIN XP1")),
-        (tp_calibration, tp("L P[1] 9mm/sec FINE Offset,PR[3]", "L P[1] 9mm/sec FINE", "L P[2] 9mm/sec FINE")),
-    ]
-    for calibrated, program in programs:
-        assert len(program.motions) == 2
-        found = correct(calibrated, program, bounds=FREE)
-        ((refused, why),) = found.rejected.items()
-        assert program.motions[refused].end.name in ("p1", "XP1", "P[1]")
-        assert "shares its target with the motion in" in why
-        assert len(found.corrected) == 1
+def test_a_tp_position_stays_below_an_offset_that_is_not_read(tp):
+    program = tp("L P[1] 9mm/sec FINE Offset,PR[3]", "L P[1] 9mm/sec FINE", "L P[2] 9mm/sec FINE")
+    ((refused, why),) = correct(true_robot()[0], program, bounds=FREE).rejected.items()
+    assert program.motions[refused].end.name == "P[1]"
+    assert "shares its target with the motion in" in why
 
 
 def test_motion_in_another_frame_that_is_not_read_keeps_none(rapid, calibration):

@@ -1,102 +1,82 @@
-"""TP programs of a FANUC robot, corrected: frames of a backup, configurations, lines of their own."""
+"""Corrected TP programs against another library: the controller's joints by Pinocchio, the true tool by the calibration."""
+
+from functools import cache
 
 import numpy as np
 import pytest
 
-from robot_programs.core.program import Waypoint, angles
+from robot_programs.core.program import Frame
+from robot_programs.reading import parse_program
+from robot_programs.tp.listing import Configuration
 from robot_programs.tp.read import read_tp
-from taskcal.correction.cell import Cell
+from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.correct import correct
-from taskcal.correction.correction import Bounds
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.identification.identify import identify
-from taskcal.robot.error_model import ErrorModel
-from taskcal.virtual.cell import simulate
-from tests.correction.cells import REFLECTORS
-from tests.correction.test_correct import true_poses
-from tests.robot_programs.tp.samples import R2000, backup, degrees, joints, listing, pose
+from tests.correction.by_pinocchio import COARSE, STEPS, TOOL, defective, meets, true_tool
+from tests.robot_programs.tp.samples import R2000, backup, joints, listing
+from tests.robot_programs.written import tp_angles
 
-COARSE = Bounds(tolerance=1.0, shift=0.02)
+HOME = (5, 10, -20, 10, -50, 20)
 
 
-@pytest.fixture(scope="module")
-def calibration():
-    """A robot with defects, identified from three reflectors."""
-    rng = np.random.default_rng(3)
-    q = rng.uniform(degrees(-40, -20, -60, -90, -100, -90), degrees(40, 40, 10, 90, -20, 90), (50, 6))
-    model = ErrorModel(R2000)
-    campaign, _ = simulate(model, q, rng=rng, targets=REFLECTORS)
-    return identify(model, campaign)
+@cache
+def true_robot():
+    return defective("fanuc-r2000ic-165f", np.radians(HOME))
 
 
-@pytest.fixture(scope="module")
-def program():
-    """A square with an arc in user frame 1, from a position by joints."""
-    first = read_tp(
-        [listing(["J P[1] 100% FINE"], {"1": joints(0, 25, -30, 10, -60, 20)}), *backup()], robot=R2000
-    ).motions[0]
-    flange = ErrorModel(R2000).poses(first.end.q[None])[0] @ se3.inverse(R2000.T_flange_tool)
-    T = first.target(flange)
-    r, p, w = angles(T[:3, :3])
+@pytest.mark.parametrize("stations", [None, (0.0, 250.0, -120.0)], ids=["standing", "on a track"])
+def test_the_true_tool_of_a_tp_program_is_where_it_wants_it(stations):
+    """FANUC's frames count from axis 2's height, which the chain of the other library tells."""
+    calibration, chain, q = true_robot()
+    robot = calibration.model.robot
+    chain.pose(q)
+    world = se3.translation(0.0, 0.0, float(chain.data.oMi[2].translation[2]))
+    flange = chain.pose(q) @ np.linalg.inv(robot.T_flange_tool)
+    part = flange @ TOOL @ se3.translation(0.05, -0.03, 0.02) @ se3.rotation("x", 0.4)
+    direction = np.array([0.6, 0.8, 0.0])
+    parts = [np.linalg.inv(se3.translation(*direction * s * 1e-3)) @ part for s in stations or (0.0,) * 3]
+    wanted = [np.linalg.inv(at) @ se3.translation(*step) @ flange @ TOOL for step, at in zip(STEPS, parts, strict=True)]
+    near = [chain.joints(se3.translation(*step) @ flange @ robot.T_flange_tool, q) for step in STEPS]
+    positions = {
+        str(k + 1): "   GP1:\r\n" + listed_pose(T, Configuration.parse("N U T, 0, 0, 0").of(robot, posture))
+        for k, (T, posture) in enumerate(zip(wanted, near, strict=True))
+    }
+    if stations:
+        positions = {
+            k: f"{text.rstrip()},\r\n\tE1 = {s:.3f} mm\r\n"
+            for (k, text), s in zip(positions.items(), stations, strict=True)
+        }
+    track = ExternalAxis(number=1, carries="robot", slides_along=direction, T_frame=None, unit="")
+    source = listing(["J P[1] 100% FINE", "L P[2] 100mm/sec FINE", "L P[3] 100mm/sec FINE"], positions)
+    frames = {"tool": Frame(name="1", T=TOOL), "part": Frame(name="1", T=np.linalg.inv(world) @ part)}
+    program = parse_program((source,), robot=robot, **frames)
+    assert len(program.motions) == 3, program.diagnostics
+    found = correct(calibration, program, cell=Cell(axes=(track,) if stations else ()), bounds=COARSE)
+    assert not found.rejected
+    again = parse_program(found.sources, robot=robot, **frames)
+    for T, move, at, posture in zip(wanted, again.motions, parts, near, strict=True):
+        got = np.linalg.inv(at) @ true_tool(calibration, chain, at @ move.end.T @ np.linalg.inv(TOOL), posture, TOOL)
+        meets(got, T)
+        assert np.abs(move.end.T[:3, 3] - T[:3, 3]).max() > 1e-5
+
+
+def listed_pose(T, config):
+    w, p, r = tp_angles(T)
     x, y, z = T[:3, 3] * 1e3
-    corners = {"2": (0, 0, 0), "3": (150, 0, 0), "4": (150, 100, 10), "5": (75, 130, 10), "6": (0, 100, 0)}
-    positions = {"1": joints(0, 25, -30, 10, -60, 20)}
-    positions |= {label: pose(x + a, y + b, z + c, w, p, r) for label, (a, b, c) in corners.items()}
-    instructions = [
-        "J P[1] 50% FINE",
-        *(f"L P[{k}] 200mm/sec CNT50" for k in (2, 3, 4)),
-        "C P[5]\r\n    :  P[6] 200mm/sec FINE",
-    ]
-    return read_tp([listing(instructions, positions), *backup()], robot=R2000)
+    return (
+        f"\tUF : 1, UT : 1,\t\tCONFIG : '{config}',\r\n\tX = {x:.6f}  mm,\tY = {y:.6f}  mm,\tZ = {z:.6f}  mm,\r\n"
+        f"\tW = {w:.7f} deg,\tP = {p:.7f} deg,\tR = {r:.7f} deg\r\n"
+    )
 
 
-def test_the_true_tool_goes_to_the_targets_of_a_tp_program(program, calibration):
-    found = correct(calibration, program, bounds=COARSE)
-    again = program.reread(found.sources)
-    assert not program.diagnostics
-    assert not again.diagnostics
-    parts = np.array([move.part.T for move in program.motions[1:]])
-    wanted = (parts @ np.array([move.end.T for move in program.motions[1:]]))[:, :3, 3]
-    tip = [se3.inverse(R2000.T_flange_tool) @ move.tool.T for move in program.motions[1:]]
-    after = (true_poses(calibration, again.motions[1:], R2000) @ tip)[:, :3, 3]
-    # positions are written to 0.1 µm and 10⁻⁵ degrees
-    np.testing.assert_allclose(after, wanted, atol=4e-7)
-    before = (true_poses(calibration, program.motions[1:], R2000) @ tip)[:, :3, 3]
-    assert np.linalg.norm(before - wanted, axis=1).min() > 2e-4
-
-
-def test_a_tp_program_that_was_read_without_its_robot_is_refused(program, calibration):
-    with pytest.raises(TaskcalError, match="read without its robot"):
-        correct(calibration, read_tp(program.sources), bounds=COARSE)
-
-
-def test_lines_and_arcs_are_divided_in_the_text(program, calibration):
-    coarse = correct(calibration, program, bounds=COARSE)
-    between = coarse.after.length[~coarse.after.at_target].max()
-    fine = correct(calibration, program, bounds=Bounds(tolerance=between / 4.0, shift=0.02))
-    again = program.reread(fine.sources)
-    assert len(again.motions) == len(fine.motions) > len(program.motions)
-    assert not again.diagnostics
-    assert [move.kind for move in again.motions] == [move.kind for move in fine.motions]
-
-
-def test_the_world_frame_is_stated_and_another_one_is_refused(program, calibration):
+def test_the_world_frame_is_stated_and_another_one_or_none_is_refused():
+    calibration, _, _ = true_robot()
+    sources = [listing(["J P[1] 50% FINE"], {"1": joints(*HOME)}), *backup()]
+    program = read_tp(sources, robot=R2000)
     found = correct(calibration, program, bounds=COARSE)
     assert any("[0.00, 0.00, -670.00] mm in the world, by FANUC's world frame" in text for text in found.statements)
     with pytest.raises(TaskcalError, match="by FANUC's world frame, on axis 1 at the height of axis 2"):
         correct(calibration, program, cell=Cell(T_world_base=se3.translation(z=0.5)), bounds=COARSE)
-
-
-def test_corrected_positions_keep_their_configuration(program, calibration):
-    found = correct(calibration, program, bounds=COARSE)
-    again = program.reread(found.sources)
-    seed = found.before.q[found.before.at_target]
-    for move, q in zip(again.motions[1:], seed[1:], strict=True):
-        assert move.end.posture.agrees(R2000, q[None])[0]
-
-
-def test_a_corrected_home_position_is_written_by_joints(program):
-    q = program.motions[0].end.q + degrees(0.01, 0, 0, 0, 0, 0)
-    text = program.rewrite(R2000, {0: (Waypoint(kind="axes", q=q, T=None),)})[0].text
-    assert "J1=   0.01000 deg" in text
+    with pytest.raises(TaskcalError, match="read without its robot"):
+        correct(calibration, read_tp(sources), bounds=COARSE)

@@ -1,6 +1,5 @@
 """Corrected URScript programs against another library: a UR5's joints by Pinocchio, its true tool by the calibration."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,9 @@ from taskcal.correction.cell import load_cell
 from taskcal.correction.correct import correct
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from tests.correction.by_pinocchio import COARSE, TOOL, defective, true_tool
+from tests.correction.by_pinocchio import COARSE, TOOL, defective, meets, true_tool
+from tests.robot_programs.written import urscript_joints as joints
+from tests.robot_programs.written import urscript_pose as pose
 
 HOME = np.radians([10.0, -70.0, 90.0, -100.0, -80.0, 20.0])
 SPAN_M = 0.04
@@ -26,15 +27,6 @@ def true_robot():
     return defective("ur5", HOME)
 
 
-def pose(T):
-    values = (*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec())
-    return f"p[{', '.join(f'{v:.12f}' for v in values)}]"
-
-
-def joints(q):
-    return f"[{', '.join(f'{v:.12f}' for v in q)}]"
-
-
 def corrected(calibration, *lines, **given):
     """A program, its motions, and those of the corrected one."""
     text = "".join(f"  {line}\n" for line in lines)
@@ -44,31 +36,6 @@ def corrected(calibration, *lines, **given):
     assert not found.rejected
     assert len(found.corrected) == len(program.motions)
     return found, program.motions, parse_program(found.sources, robot=calibration.model.robot, **given).motions
-
-
-def test_shared_number_gets_the_value_of_least_largest_error(true_robot):
-    """A pose of three features: one value where that is good enough, else the loop written out."""
-    calibration, chain, q = true_robot
-    lines = [
-        f"set_tcp({pose(TOOL)})",
-        f"movej({joints(q)})",
-        "i = 0",
-        "while i < 3:",
-        "plane = p[0.015 * i, 0, 0, 0, 0, 0]",
-    ]
-    lines += [f"movej(pose_trans(plane, {pose(chain.pose(q) @ TOOL)}))", "i = i + 1", "end"]
-    source = Source.of(Path("p.script"), "\n".join(["def p():", *lines, "end", ""]).encode())
-    program = parse_program((source,), robot=calibration.model.robot)
-    found, exact = (correct(calibration, program, bounds=replace(COARSE, tolerance=t)) for t in (2e-4, 1e-7))
-    assert found.sources[0].text.count("\n") == source.text.count("\n") < exact.sources[0].text.count("\n")
-    mine, its = (
-        np.array([m.flange(m.end.T)[:3, 3] for m in one.program.reread(one.sources).motions if m.end.T is not None])
-        for one in (found, exact)
-    )
-    apart = np.linalg.norm(mine - its, axis=1)
-    assert len(found.corrected) == len(exact.corrected) == 4
-    assert 1e-6 < apart.max() < 2e-4
-    assert apart.max() < 0.55 * np.linalg.norm((mine - its)[0] - (mine - its)[2])
 
 
 @pytest.mark.long
@@ -104,8 +71,7 @@ def test_the_true_tool_is_where_200_motions_want_it(true_robot):
     order = [*range(3, 160, 4), *(k for k in range(160) if k % 4 != 3), *range(160, 200)]
     for k, goal in zip(order, T, strict=True):
         got = true_tool(calibration, chain, goal @ np.linalg.inv(TOOL), q, TOOL)
-        np.testing.assert_allclose(got[:3, 3], wanted[k][:3, 3], atol=1e-6)
-        np.testing.assert_allclose(got[:3, :3], wanted[k][:3, :3], atol=2e-6)
+        meets(got, wanted[k])
         assert np.abs(goal - wanted[k]).max() > 1e-5
     kept = [line for line in found.sources[0].text.split("\n") if "p[" not in line and "movej([" not in line]
     assert set(kept) <= {f"  {line}" for line in lines} | {"def p():", "end", ""}
@@ -146,35 +112,6 @@ def test_the_tool_of_a_program_without_one_comes_from_the_cell_file(true_robot, 
     _, _, (move,) = corrected(calibration, line, tool=tool)
     got = true_tool(calibration, chain, move.end.T @ np.linalg.inv(TOOL), q, TOOL)
     np.testing.assert_allclose(got[:3, 3], wanted[:3, 3], atol=1e-6)
-
-
-def test_every_place_of_a_pallet_is_met(true_robot):
-    """Of loops in each other, which are written out."""
-    calibration, chain, q = true_robot
-    start = chain.pose(q) @ TOOL
-    lines = [
-        f"set_tcp({pose(TOOL)})",
-        f"movej({joints(q)})",
-        f"corner = {pose(start)}",
-        "i = 0",
-        "while i < 2:",
-        "j = 0",
-    ]
-    lines += [
-        "while j < 3:",
-        "movel(pose_trans(corner, p[i*0.03, j*0.02, 0, 0, 0, 0]))",
-        "j = j + 1",
-        "end",
-        "i = i + 1",
-        "end",
-    ]
-    _, _, again = corrected(calibration, *lines)
-    wanted = {(i, j): start @ se3.translation(0.03 * i, 0.02 * j) for i in range(2) for j in range(3)}
-    goals = [move.part.T @ move.end.T for move in again if move.end.T is not None]
-    assert len(goals) == len(wanted)
-    for goal, T in zip(goals, wanted.values(), strict=True):
-        got = true_tool(calibration, chain, goal @ np.linalg.inv(TOOL), q, TOOL)
-        np.testing.assert_allclose(got[:3, 3], T[:3, 3], atol=1e-6)
 
 
 AT_RUN_TIME = """def cell():  # palletising
@@ -254,3 +191,29 @@ def test_function_stands_where_all_motions_see_it(text, first, true_robot, tmp_p
     source = Source.of(path, path.read_bytes())
     assert source.text.startswith(f"{first}Taskcal")
     assert not parse_program((source,), robot=calibration.model.robot).motions
+
+
+STEERED = {
+    "servoj": "servoj([0.1, -1.2, 1.6, -1.7, -1.4, 0.3], t=0.1)", "servoc": "servoc(p[0.3, 0.1, 0.3, 0, 3.1, 0], a=1.2, v=0.25)",
+    "servol": "servol(p[0.3, 0.1, 0.3, 0, 3.1, 0])", "speedj": "speedj([0.1, 0, 0, 0, 0, 0], 0.5, 1)",
+    "speedl": "speedl([0.0, 0.0, 0.02, 0, 0, 0], 0.5, 1)", "speedl of a camera": "speedl(camera.get_twist(), 0.5, 1)",
+    "move_until_contact": "move_until_contact([0, 0, -0.02, 0, 0, 0])", "screw_driving": "screw_driving(p[0, 0, 0.1, 0, 0, 0], 2)",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+@pytest.mark.parametrize("inside", [("", ""), ("while True:", "end"), ("if get_standard_digital_in(0):", "end")])
+@pytest.mark.parametrize("name", STEERED)
+def test_steered_motions_stay_beside_a_helper_with_the_reason(name, inside, wrapped, true_robot):
+    calibration, _, q = true_robot
+    lines = ["def p():", f"set_tcp({pose(TOOL)})", f"movej({joints(q)})"]
+    lines += ["movel(pose_inv(camera.get_pose()))"] if wrapped else []
+    lines += [inside[0], STEERED[name], inside[1], "end", ""]
+    source = Source.of(Path("p.script"), "\n".join(lines).encode())
+    program = parse_program((source,), robot=calibration.model.robot)
+    found = correct(calibration, program, bounds=COARSE, helper=True)
+    assert STEERED[name] in found.sources[0].text.split("\n")
+    assert ("movel(taskcal_corrected(pose_inv(" in found.sources[0].text) == wrapped
+    said = [one for one in found.diagnostics if "is not corrected at run time" in one.text]
+    assert [one.place.line for one in said] == [lines.index(STEERED[name]) + 1]
+    assert "steered while it goes" in said[0].text

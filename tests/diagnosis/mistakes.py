@@ -79,6 +79,9 @@ def of_joints(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
             coupled[:, 2] += sign * q[:, 1]
             yield wrong("coupling", f"J3 {sign:+g} J2", coupled)
     yield wrong("joints-in-radians", "all", np.where(turning, np.radians(q), q))
+    yield wrong("joints-in-other-unit", "gon as degrees", np.where(turning, q / 0.9, q))
+    yield wrong("joints-in-other-unit", "turns as degrees", np.where(turning, q / 360.0, q))
+    yield wrong("joints-in-other-unit", "turns as radians", np.where(turning, q / (2.0 * np.pi), q))
 
 
 def of_frames(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
@@ -197,16 +200,11 @@ def of_robot(campaign: Campaign, robot: Robot) -> Iterator[Mistake]:
 
 
 def of_choice(whole: Campaign, robot: Robot, rows: int = 40) -> Iterator[Mistake]:
-    """Rows near each other, or in nearly one orientation, where there are such."""
+    """Rows in nearly one orientation, where there are such."""
     T = ErrorModel(robot).poses(whole.q)
-    reach = ErrorModel(robot).robot.reach
     seen = np.flatnonzero(whole.seen)
     rows = min(rows, len(seen) // 2)
     for first in seen[:: max(1, len(seen) // 3)][:3]:
-        apart = np.linalg.norm(T[seen, :3, 3] - T[first, :3, 3], axis=1)
-        near = np.sort(seen[np.argsort(apart)[:rows]])
-        if np.sort(apart)[rows - 1] < 0.06 * reach:
-            yield Mistake(id="small-workspace", said=f"about row {first}", campaign=whole.take(near), robot=robot)
         turn = 3.0 - np.einsum("ij,nij->n", T[first, :3, :3], T[seen, :3, :3])
         near = np.sort(seen[np.argsort(turn)[:rows]])
         if np.degrees(np.arccos(1.0 - np.sort(turn)[rows - 1] / 2.0)) < 4.0:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from taskcal.diagnosis.drift import Slip as TargetSlip
-from taskcal.diagnosis.drift import SlowDrift, StationMove, find_large_move
+from taskcal.diagnosis.drift import find_large_move, found_local, ordered_rows
 from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, hypotheses_of
 from taskcal.diagnosis.rows import RowFault, find_row_fault, find_swapped
+from taskcal.estimation.ordered_rows import find_event
 from taskcal.geometry import se3
 from taskcal.robot.catalogue import load_robot
 from tests.diagnosis.mistakes import moved_station, paired
@@ -36,6 +36,8 @@ def as_told(fix, columns, robot):
         out[found[4]] = columns[found[1]] + float(f"{found[2]}1") * columns[found[3]]
     elif "they hold radians" in fix:  # degrees were made radians, once too often
         out |= {name: np.degrees(columns[name]) for name in turning}
+    elif found := re.search(r"multiply their columns by ([\d.e+-]+)", fix):
+        out |= {name: float(found[1]) * columns[name] for name in turning}
     else:
         assert "they hold degrees" in fix
         out |= {name: np.radians(columns[name]) for name in turning}
@@ -51,10 +53,12 @@ def test_advice_on_joints_does_what_mends_the_campaign(name, factor):
     columns = dict(zip(robot.joint_names, case.campaign.q.T, strict=True))
     tried = list(hypotheses_of(case, "joints"))
     expected = {"joint-sign", "joint-zero", "joint-order"} | ({"joints-in-radians"} if factor != 1.0 else set())
+    expected |= {one.id for one in tried} & {"joints-in-other-unit"}  # of gon or turns by their size alone
     assert {one.id for one in tried} == expected | ({"coupling"} if (turning[1:-1] & turning[2:]).any() else set())
     for one in tried:
         told = as_told(one.fix, columns, robot)
-        np.testing.assert_allclose(one.undo(case).campaign.q, np.stack([*told.values()], axis=1), atol=1e-9)
+        tolerance = {"rtol": 1e-5} if one.id == "joints-in-other-unit" else {"atol": 1e-9}  # a factor of six digits
+        np.testing.assert_allclose(one.undo(case).campaign.q, np.stack([*told.values()], axis=1), **tolerance)
         changed = {name for name in columns if np.abs(told[name] - columns[name]).max() > 1e-9}
         assert changed <= set(one.subject) if one.id != "coupling" else changed == {one.subject[1]}
 
@@ -126,20 +130,26 @@ def parts_told(fix, rows):
     return [np.arange(rows)[int(a) : int(b)] for a, b in re.findall(r"--rows (\d+):(\d+)", fix)]
 
 
+def happened(case):
+    """What happened in the course of a campaign, its finding, and the campaign without it."""
+    fit = fit_linearly(case, np.arange(len(case.campaign)))
+    event = find_event(ordered_rows(case, fit))
+    return event, found_local(event, case, fit)
+
+
 @pytest.mark.parametrize("pose", [False, True])
 def test_a_move_of_the_station_is_taken_back(pose):
     """From the cut on the measurements are carried into the first station's frame, where the sound ones were."""
     case = Case.of(load_robot("ur5"), virtual("ur5", rows=40, error=0.0, pose=pose))
     for cut, mm, degrees in ((17, 2.0, 0.05), (25, -5.0, -0.1)):
         wrong = moved_station(case.campaign, np.arange(40) >= cut, mm, degrees)
-        fit = fit_linearly(replace(case, campaign=wrong), np.arange(40))
-        found = StationMove.find(fit, np.ones(len(fit.rows)), 1)
-        (subject,), fix, mended = found.without(wrong, fit)
+        found, (finding, mended) = happened(replace(case, campaign=wrong))
+        ((subject,), fix) = finding.subject, finding.fix
         late = np.arange(40) >= cut
         moved = np.linalg.norm(wrong.points - case.campaign.points, axis=2)[late]
         assert subject == wrong.ids[cut]
-        assert found.move == pytest.approx(np.median(moved), rel=0.1)
-        assert float(re.search(r"about ([\d.]+) mm", fix)[1]) == pytest.approx(1e3 * found.move, abs=0.06)
+        assert found.displacement == pytest.approx(np.median(moved), rel=0.1)
+        assert float(re.search(r"about ([\d.]+) mm", fix)[1]) == pytest.approx(1e3 * found.displacement, abs=0.06)
         assert np.abs(mended.points - case.campaign.points).max() < 0.15 * moved.max()
         np.testing.assert_array_equal(mended.stations.of, late)
         if pose:
@@ -173,12 +183,11 @@ def test_a_slipped_target_is_two_targets():
     )
     ends[26:, 1] += T[26:, :3, :3] @ by
     wrong = replace(sound, points=ends @ base.T, uncertainty=np.full((40, 3), 1e-5) * np.array([1.0, 2.0, 3.0]))
-    fit = fit_linearly(replace(case, campaign=wrong), np.arange(40))
-    found = TargetSlip.find(fit, np.ones(len(fit.rows)), 3)
-    names, fix, mended = found.without(wrong, fit)
+    found, (finding, mended) = happened(replace(case, campaign=wrong))
+    names, fix = finding.subject, finding.fix
     assert names == (wrong.targets[1],)
-    assert found.move == pytest.approx(np.linalg.norm(by), rel=0.1)
-    assert f"slipped by {1e3 * found.move:.1f} mm" in fix
+    assert found.displacement == pytest.approx(np.linalg.norm(by), rel=0.1)
+    assert f"slipped by {1e3 * found.displacement:.1f} mm" in fix
     before, after = parts_told(fix, 40)
     np.testing.assert_array_equal([before[-1] + 1, after[0], after[-1]], [26, 26, 39])
     assert mended.targets == (*wrong.targets, f"{names[0]}_slipped")
@@ -193,9 +202,8 @@ def test_the_drift_that_is_told_is_that_of_the_first_to_the_last_row():
     sound = virtual("ur5", rows=60, error=0.0)
     grown = np.linspace(0.0, 1.0, 60)[:, None, None] * np.array([3e-3, -3e-3, 2e-3])
     wrong = replace(sound, points=sound.points + grown)
-    fit = fit_linearly(Case.of(load_robot("ur5"), wrong), np.arange(60))
-    found = SlowDrift.find(fit, np.ones(len(fit.rows)), 1)
-    assert found.move == pytest.approx(np.linalg.norm(grown[-1]), rel=0.15)
+    found, _ = happened(Case.of(load_robot("ur5"), wrong))
+    assert found.displacement == pytest.approx(np.linalg.norm(grown[-1]), rel=0.15)
     assert found.after < 0.3 * found.before
 
 

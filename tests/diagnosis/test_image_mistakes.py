@@ -34,6 +34,10 @@ def in_inches(pictured):
     return resized(pictured, 1 / 25.4)
 
 
+def printed_larger(pictured):
+    return resized(pictured, 1 / 1.02)
+
+
 def whole_board_for_a_square(pictured):
     return resized(pictured, 9.0)
 
@@ -77,6 +81,7 @@ MISTAKES = {
     "rows-shifted": shifted,
     "square-size": in_inches,
     "square-size, of the board": whole_board_for_a_square,
+    "square-size, of the print": printed_larger,
     "mirrored-images": mirrored,
     "fixture-moved": moved,
     "focus-changed": drifting_focus,
@@ -90,7 +95,9 @@ def named(pictured, name: str) -> tuple[list[str], list[str]]:
     return [finding.id for finding in found.findings if not finding.alternative], [name.split(",")[0]] if name else []
 
 
-@pytest.mark.parametrize("name", ["", pytest.param("rows-shifted", marks=pytest.mark.long), "fixture-moved"])
+@pytest.mark.parametrize(
+    "name", ["", pytest.param("rows-shifted", marks=pytest.mark.long), "fixture-moved", "square-size, of the print"]
+)
 def test_mistake_of_images_is_named(name):
     found, planted = named(seen(1), name)
     assert found == planted

@@ -14,11 +14,33 @@ from taskcal.estimation.group_variances import (
     STATED_WITHIN,
     GroupEquations,
     Groups,
-    find_sizes,
     variance_posterior,
 )
+from taskcal.estimation.noisy_rows import MAX_STEPS, NoisyFit, NoisyRows, PoseNoise, maximise
 
 GROUP = np.array([0, 0, 0, 1, 1, -1, -1, 2])
+ALONE = PoseNoise(position=0.0, rotation=None, joints=np.zeros(0), searched=False)
+"""Of single poses, beside the noise that is known."""
+
+
+def fit_of(A, y, groups: Groups, log_variances) -> NoisyFit:
+    """The model of rows of unit noise at some sizes."""
+    n, p = A.shape
+    rows = NoisyRows(
+        groups=groups,
+        A=A[:, None],
+        y=y[:, None],
+        seen=np.ones((n, 1), dtype=bool),
+        noise=np.ones((n, 1, 1, 1)),
+        units=[np.ones((n, 1, 1))],
+        beside=(np.zeros((0, p)), np.zeros(0)),
+    )
+    return rows.under(ALONE, log_variances)
+
+
+def find_sizes(A, y, groups: Groups, start, gain: float = 1e-2):
+    """The likeliest sizes."""
+    return maximise(fit_of(A, y, groups, groups.starting(start)), MAX_STEPS, gain)[0].found
 
 
 def problem(rows: int, seed: int = 0):
@@ -56,8 +78,6 @@ def test_few_rows_say_what_their_normal_equations_say():
     whole = GroupEquations(groups=groups, given=A.T @ A, b=A.T @ y, square=float(y @ y))
     assert few.few is not None
     assert whole.few is None
-    at, same = (find_sizes(equations, np.zeros(3), gain=1e-9) for equations in (few, whole))
-    np.testing.assert_allclose(at.log_variances, same.log_variances, atol=1e-6)
     at, same = (equations.at(np.array([1.0, -2.0, 0.3])) for equations in (few, whole))
     new = np.random.default_rng(1).normal(size=(5, 2, len(GROUP)))
     for a, b in (
@@ -65,7 +85,9 @@ def test_few_rows_say_what_their_normal_equations_say():
         (at.effective_parameters, same.effective_parameters),
         (at.spread(new), same.spread(new)),
         (at.spread(new), new @ at.covariance @ np.swapaxes(new, 1, 2)),
-        *zip(at.scores(), same.scores(), strict=True),
+        (at.determined, same.determined),
+        (at.information, same.information),
+        (at.times_covariance(new[0].T), same.times_covariance(new[0].T)),
     ):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
     spreads = [one.averaged_spread(new, 6, np.random.default_rng(2)) for one in (at, same)]
@@ -74,27 +96,19 @@ def test_few_rows_say_what_their_normal_equations_say():
     np.testing.assert_allclose(spreads[0], new @ S @ np.swapaxes(new, 1, 2), rtol=1e-8)
 
 
-def test_equations_without_some_rows_are_those_of_the_others():
-    A, y, groups = problem(30)
-    less, others = GroupEquations.of_rows(A, y, groups).less(A[:7], y[:7]), GroupEquations.of_rows(A[7:], y[7:], groups)
-    np.testing.assert_allclose(less.H, others.H, atol=1e-9)
-    np.testing.assert_allclose(less.b, others.b, atol=1e-9)
-    assert less.square == pytest.approx(others.square)
-
-
 def test_the_gradient_is_that_of_the_evidence():
     A, y, groups = problem(30)
     groups = replace(groups, spread=np.array([[9.0, 4.0, 0.0], [4.0, 5.0, 0.0], [0.0, 0.0, 4.0]]))
-    equations, theta = GroupEquations.of_rows(A, y, groups), np.array([0.5, -1.0, 0.2])
-    numeric = approx_fprime(theta, lambda t: equations.at(t).log_posterior, 1e-6)
-    np.testing.assert_allclose(equations.at(theta).scores()[0], numeric, rtol=1e-4)
+    theta = np.array([0.5, -1.0, 0.2])
+    numeric = approx_fprime(theta, lambda t: fit_of(A, y, groups, t).log_posterior, 1e-6)
+    np.testing.assert_allclose(fit_of(A, y, groups, theta).scores()[0], numeric, rtol=1e-4)
 
 
 def test_group_variances_maximise_evidence_and_null_is_small():
     """Group variances maximise the evidence, and the variance of an absent group is small."""
     A, y, groups = problem(400)
-    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
-    np.testing.assert_allclose(at.scores()[0], 0.0, atol=0.3)
+    at = find_sizes(A, y, groups, np.zeros(3))
+    np.testing.assert_allclose(fit_of(A, y, groups, at.log_variances).scores()[0], 0.0, atol=0.3)
     sizes = np.exp(0.5 * at.log_variances)
     assert 1.0 < sizes[0] < 9.0
     assert sizes[1] < 0.2
@@ -112,7 +126,7 @@ def test_absent_groups_shrink_similar_groups_only():
         y = A @ x + 3.0 * rng.normal(size=80)
         for k, spread in enumerate((9.0 * np.eye(20), 16.0 + np.eye(20))):
             groups = Groups(group=own, held=np.zeros((0, 0)), location=np.zeros(20), spread=spread)
-            at = find_sizes(GroupEquations.of_rows(A / 3.0, y / 3.0, groups), np.zeros(20))
+            at = find_sizes(A / 3.0, y / 3.0, groups, np.zeros(20))
             errors[k] += np.sum(at.mean[3:] ** 2)
             sizes = np.exp(0.5 * at.log_variances)
         assert sizes[0] > 3.0 * sizes[1:].max()
@@ -121,7 +135,7 @@ def test_absent_groups_shrink_similar_groups_only():
 
 def test_averaging_over_the_sizes_adds_their_uncertainty():
     A, y, groups = problem(12)
-    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
+    at = find_sizes(A, y, groups, np.zeros(3))
     mean, S = at.averaged(200, np.random.default_rng(0))
     assert np.trace(S) > np.trace(at.covariance)
     np.testing.assert_array_equal(mean, at.mean)
@@ -136,7 +150,7 @@ def test_covariance_is_nowhere_negative_where_rows_are_precise(rows, precision):
     A = precision * rng.normal(size=(rows, 20))
     A[:, 1] = A[:, 0] + 1e-4 * A[:, 2]
     groups = Groups(group=np.arange(20) // 4 - 1, held=np.eye(4), location=np.zeros(4), spread=np.eye(4))
-    at = find_sizes(GroupEquations.of_rows(A, A @ rng.normal(size=20) + rng.normal(size=rows), groups), np.zeros(4))
+    at = find_sizes(A, A @ rng.normal(size=20) + rng.normal(size=rows), groups, np.zeros(4))
     for S in (at.covariance, at.averaged(12, rng)[1]):
         deviation = np.sqrt(np.diag(S))
         assert np.linalg.eigvalsh(S / deviation / deviation[:, None]).min() > -1e-13
@@ -149,7 +163,7 @@ def test_covariance_is_nowhere_negative_where_rows_are_precise(rows, precision):
 def test_a_held_group_keeps_its_size():
     A, y, groups = problem(60)
     held = Groups(group=GROUP, held=groups.held, location=np.array([0.0, 1.5, 0.0]), spread=np.diag([9.0, 0.0, 9.0]))
-    assert find_sizes(GroupEquations.of_rows(A, y, held), np.zeros(3)).log_variances[1] == 1.5
+    assert find_sizes(A, y, held, np.zeros(3)).log_variances[1] == 1.5
 
 
 def test_the_sizes_are_integrated_out():
@@ -157,7 +171,7 @@ def test_the_sizes_are_integrated_out():
     A, y, groups = problem(60)
     spread = np.array([[9.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 2.0]])
     groups = replace(groups, spread=spread)
-    at = find_sizes(GroupEquations.of_rows(A, y, groups), np.zeros(3))
+    at = find_sizes(A, y, groups, np.zeros(3))
     steps, expected = np.linspace(-12.0, 9.0, 22), np.linalg.inv(spread)
     logs = []
     for point in product(steps, repeat=3):
@@ -197,9 +211,9 @@ def test_unobserved_parameter_coverage_is_nominal():
     seen, inside = np.diag([100.0] * 5 + [0.0]), np.zeros(2)
     draws = np.random.default_rng(0).normal(size=(1500, 6))
     for x in draws:
-        equations = GroupEquations.of_rows(seen, seen @ x, alone(6))
-        likeliest = float(np.exp(find_sizes(equations, np.zeros(1), gain=1e-6).log_variances[0]))
-        inside += np.abs(x[5]) < 1.959964 * np.sqrt([likeliest, variance_posterior(equations).mean])
+        at = find_sizes(seen, seen @ x, alone(6), np.zeros(1), gain=1e-6)
+        likeliest = float(np.exp(at.log_variances[0]))
+        inside += np.abs(x[5]) < 1.959964 * np.sqrt([likeliest, variance_posterior(at.equations).mean])
     most_probable, expected = inside / len(draws)
     assert most_probable < 0.91
     assert 0.93 < expected < 0.97

@@ -275,8 +275,9 @@ def sliding() -> Calibration:
 
 
 def test_a_robot_that_is_no_ur_has_no_such_yaml(calibrations, sliding):
-    """Coupled axes, seven of them, one that slides."""
-    for calibration in (*(calibrations[name] for name in ("fanuc-r2000ic-165f", "barrett-wam")), sliding):
+    """Coupled axes, seven of them, one that slides, and six at their own angles that stand otherwise."""
+    others = calibrations["fanuc-r2000ic-165f"], calibrations["barrett-wam"], calibrated("abb-irb120")
+    for calibration in (*others, sliding):
         with pytest.raises(TaskcalError, match=rf"{calibration.model.robot.name} is not built like a UR"):
             export_ur_yaml(calibration, accept_uncertain=True)
 

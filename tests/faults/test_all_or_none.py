@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from robot_programs.backup import lay_backup, open_backup
-from robot_programs.core import writing
-from robot_programs.core.files import read_bytes
 from taskcal.errors import FileError
 from taskcal.io.files import finish_writing, write_all
+from taskcal_groundwork import writing
+from taskcal_groundwork.files import read_bytes
 from tests.faults.points import KILLED, REFUSED, SURVIVED, WROTE, at_point
 
 MODULE = (

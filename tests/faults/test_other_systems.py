@@ -4,7 +4,6 @@ Names in other letter case that are one file are held in tests/cli, encodings of
 """
 
 import importlib.util
-import ntpath
 import os
 import subprocess
 import sys
@@ -14,15 +13,15 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from robot_programs.backup import lay_backup
-from robot_programs.core import writing
-from robot_programs.core.files import elsewhere_on_windows
 from robot_programs.core.source import Backup
-from robot_programs.core.writing import put_in_place
 from taskcal.cli import main
-from taskcal.cli.options import page
 from taskcal.errors import FileError
+from taskcal.io import files
 from taskcal.io.files import write_all, write_whole
-from taskcal.studio import project
+from taskcal_groundwork import writing
+from taskcal_groundwork.files import elsewhere_on_windows
+from taskcal_groundwork.writing import put_in_place
+from taskcal_studio import project
 
 POSIX_ONLY = {
     "os": [
@@ -87,7 +86,7 @@ def test_names_that_are_no_files_on_windows_are_known(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["nul.toml", "con.x.toml", "a:b.toml"])
 def test_command_on_windows_refuses_a_name_that_is_no_file(name, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("taskcal.cli.output.sys", SimpleNamespace(**vars(sys) | {"platform": "win32"}))
+    monkeypatch.setattr("taskcal.cli.run.sys", SimpleNamespace(**vars(sys) | {"platform": "win32"}))
     monkeypatch.chdir(tmp_path)
     Path("table.csv").write_text("joint,alpha_deg,a_mm,d_mm,theta_offset_deg\nJ1,0,500,0,0\n", encoding="utf-8")
     command = ["robots", "import", "table.csv", "--convention", "dh", "--name", "new", "-o"]
@@ -156,15 +155,6 @@ def test_backup_that_cannot_be_put_in_place_leaves_nothing(tmp_path, monkeypatch
     assert os.listdir(tmp_path) == ["in"]
 
 
-def test_figure_on_another_drive_is_named_by_its_whole_path(tmp_path, monkeypatch) -> None:
-    """There is no way from one drive to another by folders."""
-    figure = tmp_path / "figures" / "a b.svg"
-    text = tmp_path / "text" / "report.md"
-    assert page._seen_from(text, figure) == "../figures/a b.svg"
-    monkeypatch.setattr(os.path, "relpath", lambda file, start: ntpath.relpath(f"C:{file}", f"D:{start}"))
-    assert page._seen_from(text, figure) == figure.as_uri()
-
-
 class Locks(ModuleType):
     """Windows' locks of byte ranges, of which each byte has one holder."""
 
@@ -187,16 +177,15 @@ def test_project_is_locked_by_a_byte_that_hides_no_text_on_windows(tmp_path, mon
     locks = Locks()
     monkeypatch.setitem(sys.modules, "msvcrt", locks)
     monkeypatch.setattr(sys, "platform", "win32")
-    assert project.__spec__ is not None
-    spec = importlib.util.spec_from_file_location("project_on_windows", project.__file__)
+    spec = importlib.util.spec_from_file_location("files_on_windows", files.__file__)
     assert spec is not None
     assert spec.loader is not None
     there = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "project_on_windows", there)
     spec.loader.exec_module(there)
-    lock = there.FolderLock(tmp_path)
+    monkeypatch.setattr(project, "take_lock", there.take_lock)
+    lock = project.FolderLock(tmp_path)
     lock.tell("http://localhost:1")
     with pytest.raises(FileError, match=rf"in another studio already \(process {os.getpid()}, http://localhost:1\)"):
-        there.FolderLock(tmp_path)
+        project.FolderLock(tmp_path)
     assert {place > 10_000 for _, place in locks.taken} == {True}
     lock.release()

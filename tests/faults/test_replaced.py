@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from robot_programs.backup import lay_backup, open_backup
-from robot_programs.core import writing
-from robot_programs.core.writing import put_in_place
 from taskcal.cli import main
 from taskcal.errors import FileError
 from taskcal.io.files import write_all, write_whole
@@ -20,6 +18,8 @@ from taskcal.reading import chunked as chunked_campaign
 from taskcal.reading.chunked import campaign_in_chunks
 from taskcal.robot.catalogue import load_robot
 from taskcal.tables.parquet import parquet_of
+from taskcal_groundwork import writing
+from taskcal_groundwork.writing import put_in_place
 from tests.faults.kills import digests
 from tests.reading.known_campaign import ROBOT
 
@@ -92,7 +92,7 @@ def test_next_backup_removes_remains_of_killed_process(kind, tmp_path):
     code = (
         "import os, sys, signal; from robot_programs import backup\n"
         "os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "found, sources = backup.open_backup(sys.argv[1]); from robot_programs.core.writing import put_in_place\n"
+        "found, sources = backup.open_backup(sys.argv[1]); from taskcal_groundwork.writing import put_in_place\n"
         "put_in_place([backup.lay_backup(found, sys.argv[2], sources)])"
     )
     ended = subprocess.run([sys.executable, "-c", code, str(path), str(out)], check=False)

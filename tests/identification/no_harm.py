@@ -14,8 +14,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.demo.procedure import reference_task
-from taskcal.demo.true_robot import elastic_robot
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
@@ -37,6 +35,8 @@ from taskcal.robot.effects import (
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import draw_defects, simulate
+from taskcal_demo.procedure import reference_task
+from taskcal_demo.true_robot import elastic_robot
 
 ROBOTS = "abb-irb6660-205-1.9", "abb-irb120", "ur10"
 MEASURED, NEW = 60, 100

@@ -253,13 +253,17 @@ BROKEN = {
     ),
     "factor with a row less": (
         lambda text: other(text, "covariance_factor", lambda rows: rows[:-1]),
-        r"is inconsistent: 'covariance_factor' has \d+ rows, not \d+",
+        r"is inconsistent: 'covariance_factor' has shape \((\d+), \1\), not \((\d+), \2\)",
     ),
     "frame with a gap": (
         lambda text: edit(text, "T_tracker_base", 0, 0, value=None),
         "T_tracker_base 1 1: is not a number",
     ),
-    "residuals of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'residuals' has shape"),
+    "ids of other rows": (lambda text: edit(text, "ids", value=["a"]), "is inconsistent: 'q' has shape"),
+    "residuals of other rows": (
+        lambda text: other(text, "residuals", lambda residuals: residuals[1:]),
+        "is inconsistent: 'residuals' has shape",
+    ),
     "provenance edited": (
         lambda text: edit(text, "provenance", "mood", value="good"),
         "provenance: 'mood' is not a known key",

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from taskcal.analysis.identifiability import identifiability, published_kept
-from taskcal.demo.procedure import reference_task
 from taskcal.identification.identify import identify
 from taskcal.planning.expected_error import design
 from taskcal.planning.selection import select
@@ -14,6 +13,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 
 MANY = pytest.param(100, marks=pytest.mark.long)
 

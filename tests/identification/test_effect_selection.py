@@ -8,10 +8,10 @@ from scipy.special import chdtri
 
 from taskcal.errors import FitError
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.effects import EffectSearch, explain, untried_effects
+from taskcal.identification.effects import explain, untried_effects
 from taskcal.identification.group_search import find_group_model
 from taskcal.identification.identify import identify
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.effects import SOFT, Backlash, Compliance, Coupling, EncoderGain, Harmonics, Overshoot, candidates

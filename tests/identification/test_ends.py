@@ -64,7 +64,7 @@ def test_growth_leaves_the_measured_range_as_it_is():
 
 def test_errors_at_ends_are_those_of_fits_without_their_rows():
     campaign, _ = measured(1)
-    options = FitOptions.of(model_error=3e-5, prior_scale=1.0)
+    options = FitOptions(model_error=3e-5, prior_scale=1.0)
     calibration = identify(PLAIN, campaign, model_error=3e-5, prior_scale=1.0)
     problem = problem_of(calibration.layout, campaign, None)
     parts = end_parts(problem)

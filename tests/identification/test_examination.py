@@ -120,7 +120,7 @@ def test_of_robots_right_at_the_limit_one_in_twenty_passes():
             validation=replace(examined.validation, errors=np.where(first, error, 0.0)),
             uncertainty=np.where(first, sigma, 0.0),
         )
-        passed += accept(one, limit).accepted
+        passed += accept(one, limit, "max").accepted
     assert passed / 1000 == pytest.approx(0.05, abs=0.02)
 
 
@@ -130,11 +130,28 @@ def test_a_limit_that_is_none_is_refused(limit):
         accept(examine(*case()), limit)
 
 
-@pytest.mark.parametrize(
-    "measured",
-    [{}, {"pose": True}, {"observe": "socket+wire"}, {"stations": 2}, {"stations": 2, "pose": True}],
-    ids=["points", "poses", "wire", "two", "two with poses"],
-)
+MEASURED = {
+    "points": {},
+    "poses": {"pose": True},
+    "wire": {"observe": "socket+wire"},
+    "two": {"stations": 2},
+    "two with poses": {"stations": 2, "pose": True},
+}
+
+
+@pytest.mark.parametrize("measured", [{}, {"observe": "socket"}, {"observe": "socket+wire"}])
+def test_frames_that_were_held_are_examined_as_well(measured):
+    """They have no error; what the rows themselves locate is theirs."""
+    rng, model = np.random.default_rng(3), ErrorModel(load_robot("ur5"))
+    x = 0.5 * rng.normal(size=len(model)) * model.tolerances
+    campaign, _ = simulate(model, rng.uniform(-1.2, 1.2, (60, 6)), rng=rng, x=x, **measured)
+    fit, held = (examine(identify(model, campaign, frames=frames), campaign) for frames in ("fit", "fixed"))
+    assert held.inside.shape == fit.inside.shape
+    assert (np.isfinite(held.inside) == np.isfinite(fit.inside)).all()
+    assert (held.uncertainty[np.isfinite(fit.uncertainty)] > 0.0).all()
+
+
+@pytest.mark.parametrize("measured", MEASURED.values(), ids=MEASURED)
 def test_fitted_campaign_has_the_stored_residuals(measured):
     """To rounding, however it was measured; of other campaigns nothing is said."""
     rng, model = np.random.default_rng(3), ErrorModel(load_robot("ur5"))

@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, FitError, TaskcalError
+from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 
 REFLECTORS = {"a": np.array([0.05, 0.0, 0.06]), "b": np.array([-0.06, 0.05, 0.0]), "c": np.array([0.0, -0.07, 0.03])}
 KINDS = {
@@ -134,6 +135,22 @@ def test_what_was_left_out_is_said_and_saved(model, poses, tmp_path):
     assert load_calibration(tmp_path / "cal.json").left_out == found.left_out
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_row_whose_rotation_alone_is_wrong_is_said_to_be_turned(model, poses, seed):
+    """By the angle between what was written and what was measured; a row whose point is wrong as well is said as before."""
+    rng, rows = np.random.default_rng(seed), [7, 23]
+    sound, _ = simulate(model, poses[20.0][0], rng=rng, pose=True)
+    rotations, points = sound.rotations.copy(), sound.points.copy()
+    rotations[rows], points[40] = np.eye(3), points[40] + 0.1
+    said = identify(model, replace(sound, rotations=rotations, points=points)).remarks[0]
+    angles = [np.degrees(np.linalg.norm(se3.log(R))) for R in sound.rotations[rows]]
+    told = re.findall(r"row (\d+) \(id \d+\), ([\d.]+) mm(?: and its rotation (\d+)°)? off", said)
+    assert [(int(row), float(turn or 0)) for row, _, turn in told] == [
+        *((row, pytest.approx(angle, abs=1.0)) for row, angle in zip(rows, angles, strict=True)), (40, 0.0),
+    ]  # fmt: skip
+    assert [float(off) > 100.0 for _, off, _ in told] == [False, False, True]
+
+
 @pytest.mark.parametrize("way", ["tracker", "socket", "camera", pytest.param("board", marks=pytest.mark.long)])
 def test_identify_leaves_out_gross_rows_of_every_kind(way):
     """5 mm in three rows: little beside the nominal robot's own errors, and fifty times those of the calibrated one."""
@@ -173,6 +190,6 @@ def test_a_fit_that_takes_everything_for_error_is_refused(model, poses):
     campaign, _ = simulate(model, poses[20.0][0], rng=np.random.default_rng(3), x=np.zeros(len(model)))
     points = campaign.points + np.random.default_rng(4).normal(size=campaign.points.shape) * 0.01
     with pytest.raises(
-        FitError, match=r"no parameter is determined by these rows: .* (9|10)\.\d\d mm per axis .*--loss cauchy"
+        FitError, match=r"no parameter is determined by these rows: .* (9|10)\.\d\d mm per axis .*taskcal doctor"
     ):
         identify(model, replace(campaign, points=points))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_t
 
+from taskcal.estimation.noisy_rows import FREEDOM, log_weights, weigh
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import explain
-from taskcal.identification.group_model import FREEDOM, log_weights, weigh
 from taskcal.identification.holdout import stretch_of
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.holdout import Holdout, hold_out, with_held_out
+from taskcal.identification.holdout import folds_of, hold_out, rows_held_out, with_held_out
 from taskcal.identification.identify import fit_nominal, identify
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import FitOptions, Holdout
 from taskcal.identification.validation import validate
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
@@ -42,7 +42,7 @@ def case(kind=None, rows=40, seed=0):
 def test_holdout_share_is_approximate_and_set_by_seed(rng, by, share):
     """About the requested share is held out, and the seed alone determines the rows."""
     campaign = unmeasured(rng.uniform(-2, 2, (60, 6)))
-    chosen = [Holdout(share=share, by=by, seed=seed).choose(campaign) for seed in (1, 1, 2, 3, 4)]
+    chosen = [rows_held_out(Holdout(share=share, by=by, seed=seed), campaign) for seed in (1, 1, 2, 3, 4)]
     np.testing.assert_array_equal(*chosen[:2])
     assert abs(len(chosen[0]) - share * 60) <= 2.5
     assert by == "neighbours" or 0 < len(chosen[0]) < 60
@@ -53,7 +53,7 @@ def test_holdout_share_is_approximate_and_set_by_seed(rng, by, share):
 @given(generators, st.sampled_from(["neighbours", "blocks", "rows"]), st.integers(2, 12))
 def test_folds_hold_every_row_once_and_about_as_many_rows(rng, by, folds):
     campaign = unmeasured(rng.uniform(-2, 2, (60, 6)))
-    parts = Holdout(folds=folds, by=by).divide(campaign)
+    parts = folds_of(Holdout(folds=folds, by=by), campaign)
     assert len(parts) == folds
     assert sorted(np.concatenate(parts)) == list(range(60))
     assert np.ptp([len(part) for part in parts]) <= 4
@@ -63,10 +63,10 @@ def test_neighbours_and_blocks_are_held_out_whole():
     q = np.linspace(0, 2, 60)[:, None] * np.ones(6)
     campaign = unmeasured(q)
     for by in ("neighbours", "blocks"):
-        out = Holdout(share=0.3, by=by).choose(campaign)
+        out = rows_held_out(Holdout(share=0.3, by=by), campaign)
         np.testing.assert_array_equal(out // 3, np.repeat(np.unique(out // 3), 3))
     # a trajectory in the order of the rows: nothing else is near
-    assert len(Holdout(share=0.3, by="rows").choose(campaign)) == 18
+    assert len(rows_held_out(Holdout(share=0.3, by="rows"), campaign)) == 18
 
 
 @pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.2}, {"pose": True, "rotation_sigma": 1e-4}])
@@ -142,7 +142,7 @@ def test_a_wrong_row_is_left_out_of_the_nominal_fit_as_well():
     _, campaign, _, nominal = case()
     fit = partial(identify, case()[0])
     points = campaign.points.copy()
-    out = Holdout(share=0.3).choose(campaign)
+    out = rows_held_out(Holdout(share=0.3), campaign)
     bad = int(np.setdiff1d(np.arange(len(campaign)), out)[0])
     points[bad] += 5.0
     right = hold_out(fit, campaign, Holdout(share=0.3), nominal).held_out
@@ -156,13 +156,13 @@ def test_a_wrong_row_is_left_out_of_the_nominal_fit_as_well():
 def test_what_cannot_be_held_out_is_refused():
     q = np.repeat(np.eye(4), 6, axis=0)
     with pytest.raises(CampaignError, match="24 rows at 4 different poses are too few to hold out one part of 5"):
-        Holdout(folds=5).divide(unmeasured(q))
+        folds_of(Holdout(folds=5), unmeasured(q))
     with pytest.raises(CampaignError, match="all 3 rows are one pose"):
-        Holdout(share=0.4).choose(unmeasured(np.ones((3, 6))))
+        rows_held_out(Holdout(share=0.4), unmeasured(np.ones((3, 6))))
     with pytest.raises(CampaignError, match=r"holding out 0.001 of 24 rows leaves 24 to fit and 0 to test"):
-        Holdout(share=0.001).choose(unmeasured(q))
+        rows_held_out(Holdout(share=0.001), unmeasured(q))
     _, campaign, fit, nominal = case()
-    out = Holdout(share=0.3).choose(campaign)
+    out = rows_held_out(Holdout(share=0.3), campaign)
     points = campaign.points.copy()
     points[out] = np.nan
     with pytest.raises(CampaignError, match="in none of the 12 rows that are held out was anything measured"):
@@ -172,12 +172,18 @@ def test_what_cannot_be_held_out_is_refused():
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ({}, "only one of them"),
-        ({"share": 0.3, "folds": 5}, "only one of them"),
-        ({"share": 1.0}, "share is 1.0"),
-        ({"folds": 1}, "folds is 1"),
+        ({"by": "blocks"}, "by / share / folds: nothing is held out; give share or folds too"),
+        ({"share": 0.3, "folds": 5}, "use share or folds, not both"),
+        ({"share": 1.0}, "share: 1 is not between 0 and 1"),
+        ({"folds": 1}, "folds: 1 is not 2 or more"),
     ],
 )
 def test_a_holdout_without_meaning_is_refused(choice, message):
     with pytest.raises(ValueError, match=message):
         Holdout(**choice)
+
+
+def test_to_hold_nothing_out_is_refused():
+    _, campaign, fit, nominal = case()
+    with pytest.raises(ValueError, match="holds nothing out"):
+        hold_out(fit, campaign, Holdout(), nominal)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from taskcal.estimation.least_squares import Stopping
-from taskcal.estimation.prior import Squared
 from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import layout_of, prior_of
@@ -99,11 +98,11 @@ def test_the_evidence_of_an_unfinished_fit_is_that_of_its_end(size: float) -> No
     layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
     problem, prior = problem_of(layout, campaign, NOISE), prior_of(layout, "tolerances")
     hyper = Hyperparameters.of_deviations((1e-4,), 1.0)
-    ended = fit_weighed(problem, prior, Squared(), hyper, layout.start(), Stopping())
+    ended = fit_weighed(problem, prior, hyper, layout.start(), Stopping())
     A = ended.solution.information + prior.precision(1.0)
     step = np.linalg.solve(np.linalg.cholesky(A).T, rng.normal(size=len(A)))
     step *= size / np.sqrt(step @ A @ step)
-    early = fit_weighed(problem, prior, Squared(), hyper, ended.solution.z + step, Stopping(decrement=10.0))
+    early = fit_weighed(problem, prior, hyper, ended.solution.z + step, Stopping(decrement=10.0))
     np.testing.assert_array_equal(early.solution.z, ended.solution.z + step)
     assert early.solution.objective - ended.solution.objective == pytest.approx(0.5 * size**2, rel=0.05)
     assert early.evidence() == pytest.approx(ended.evidence(), abs=0.02 * size**2)

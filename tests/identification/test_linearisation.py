@@ -11,7 +11,6 @@ from taskcal.identification import problem as problem_module
 from taskcal.identification.layout import frame_precision, layout_of
 from taskcal.identification.problem import problem_of, stated_rows, whitener
 from taskcal.kernels import walk
-from taskcal.kernels.points import CAUCHY, HUBER, SQUARED
 from taskcal.registration.registration import register
 from taskcal.virtual.cell import simulate
 from tests.identification.arms import KINDS, arm
@@ -66,12 +65,11 @@ def test_rows_hold_the_derivative_of_the_prediction(kind, seed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("loss", [SQUARED, HUBER, CAUCHY])
-def test_streamed_equations_are_those_of_dense_rows(kind, loss):
-    """Points in compiled passes, poses in parts, under every loss; and propagated covariances."""
+def test_streamed_equations_are_those_of_dense_rows(kind):
+    """Points in compiled passes, poses in parts; and propagated covariances."""
     problem, z = problem_about(*tracked(3, kind), 3)
     rows, W = problem.rows(z), whitener(problem.noise)
-    assert_same_equations(rows.equations(W, loss, 1.5), rows.linearise().equations(W, loss, 1.5), 1e-11)
+    assert_same_equations(rows.equations(W), rows.linearise().equations(W), 1e-11)
     C = np.diag(np.random.default_rng(0).uniform(1e-8, 1e-6, len(z)))
     for streamed, dense in zip(rows.propagate(C), rows.linearise().propagate(C), strict=True):
         np.testing.assert_allclose(streamed, dense, rtol=1e-9, atol=1e-15)
@@ -91,7 +89,7 @@ def test_rows_taken_in_parts_are_those_taken_at_once(kind, monkeypatch):
         np.testing.assert_allclose(parts, whole, rtol=1e-9, atol=1e-15)
     r, A = stated_rows(problem.layout, z, problem.seen.kinds)
     with_stated = expected[0] + 0.5 * r @ r, expected[1] + A.T @ r, expected[2] + A.T @ A
-    assert_same_equations(problem.equations(W, SQUARED, 1.0)(z), with_stated, 1e-9)
+    assert_same_equations(problem.equations(W)(z), with_stated, 1e-9)
 
 
 @pytest.mark.parametrize("kind", ["socket", "board"])
@@ -108,6 +106,23 @@ def test_the_prior_of_the_frames_holds_what_no_row_tells(kind):
     assert (np.delete(loose, 2) <= 1.0 + rounding).all()
 
 
+@pytest.mark.parametrize("fixed", [False, True])
+@pytest.mark.parametrize("kind", [*KINDS, *KINDS_WITHOUT_TRACKER])
+def test_blocks_are_all_entries_beside_the_parameters(kind, fixed):
+    """Each once and in its order, named and with a prior deviation; what is held has none, and is where it was registered."""
+    model, campaign = tracked(1, kind) if kind in KINDS else observed_with_points(kind, 1)[:2]
+    layout = problem_about(model, campaign, 1, fixed=fixed)[0].layout
+    entries = np.arange(len(model), len(layout.names))
+    np.testing.assert_array_equal(np.concatenate([block.columns for block in layout.blocks]), entries)
+    z = np.random.default_rng(1).normal(size=len(layout.names))
+    for block in layout.blocks:
+        assert [layout.names[k] for k in block.columns] == [*block.names]
+        assert len(block.deviations) == len(block.columns) == (0 if block.held else len(block.start))
+        np.testing.assert_array_equal(block.of(layout.start()), block.start)
+        np.testing.assert_array_equal(block.of(z), block.start if fixed else z[block.columns])
+    assert [*map(len, (layout.bases, layout.places, layout.own))] == [1, len(campaign.targets), len(campaign.targets)]
+
+
 @pytest.mark.parametrize("kind", [*KINDS, "socket"])
 def test_frames_that_are_held_have_no_columns(kind):
     model, campaign = tracked(1, kind) if kind in KINDS else observed(kind, 1)[:2]
@@ -119,4 +134,4 @@ def test_frames_that_are_held_have_no_columns(kind):
     np.testing.assert_allclose(
         walk.poses(at.chain, at.s, at.e), layout.registration.T_tracker_base @ model.poses(campaign.q), atol=1e-12
     )
-    assert np.isfinite(problem.equations(whitener(problem.noise), SQUARED, 1.0)(start)[0])
+    assert np.isfinite(problem.equations(whitener(problem.noise))(start)[0])

@@ -53,3 +53,12 @@ def test_rows_of_one_posture_stay_together(rng, count):
 
 def test_no_more_groups_than_postures():
     assert len(set(group_neighbours(np.repeat(np.eye(3), 4, axis=0), 20))) == 3
+
+
+@given(generators, st.integers(2, 8))
+def test_groups_do_not_hang_on_rounding(rng, count):
+    """Sweeps of one joint after another, as wide as each other: equal singular values, whose vectors rounding turns."""
+    q = np.concatenate([np.outer(np.linspace(-1, 1, 6), axis) for axis in np.eye(6)]) + rng.uniform(-1, 1, 6)
+    group = group_neighbours(q, count)
+    for _ in range(5):
+        np.testing.assert_array_equal(group_neighbours(q + rng.uniform(-1e-13, 1e-13, q.shape), count), group)

@@ -146,7 +146,7 @@ def test_scale_is_unobservable_without_stated_distance():
 
     def spread(calibration):
         """Standard error of how far the two sockets of a block are apart."""
-        (own,) = calibration.layout.own
+        own = calibration.layout.own[0].columns
         a, b = calibration.z[own].reshape(-1, 3)[:2]
         g = np.zeros(len(calibration.z))
         g[own[:3]], g[own[3:6]] = (a - b) / np.linalg.norm(a - b), (b - a) / np.linalg.norm(a - b)

@@ -31,7 +31,7 @@ def covariance(size, seed=0):
 
 def again(B):
     described = json.loads(json.dumps(describe_factor(B)))
-    return factor_of(unpack_factor(described) if isinstance(described, dict) else described, len(B))
+    return factor_of(unpack_factor(described) if isinstance(described, dict) else described)
 
 
 @pytest.mark.parametrize("size", [0, 1, PACKED_FROM - 1, PACKED_FROM, 300])

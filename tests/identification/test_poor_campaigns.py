@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.identification.layout import prior_of
 from taskcal.identification.problem import problem_of, whitener
-from taskcal.kernels.points import SQUARED
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.identification.poor_campaigns import WHITE, judge, measured, workspace
 from tests.identification.test_effect_selection import soft_arm
 
@@ -63,7 +62,7 @@ def test_regions_of_five_rows_are_those_of_a_sampled_posterior():
     model, campaign, _ = measured("staubli-rx160", "five rows", 1)
     found = replace(identify(model, campaign, prior_scale=1.0, model_error=WHITE), range_growth=0.0)
     problem, prior = problem_of(found.layout, campaign, None), prior_of(found.layout, "tolerances")
-    equations = problem.equations(whitener(problem.covariance(np.array([WHITE**2]))), SQUARED, 1.0)
+    equations = problem.equations(whitener(problem.covariance(np.array([WHITE**2]))))
     P, q = prior.precision(1.0), workspace(model, np.random.default_rng(1), 100)
     x = np.random.default_rng(0).normal(size=(2000, len(found.z)))
     draws = found.z + x @ np.linalg.cholesky(found.z_covariance).T

@@ -73,7 +73,7 @@ def test_targets_are_held_along_what_the_poses_do_not_tell():
     n = rng.normal(size=3)
     u = np.tile(n / np.linalg.norm(n), 3) / np.sqrt(3.0)
     hidden = replace(layout, registration=replace(layout.registration, unobservable=np.outer(u, u)))
-    place, others = np.concatenate(layout.places), np.arange(len(model), len(model) + 6)
+    place, others = np.concatenate([one.columns for one in layout.places]), np.arange(len(model), len(model) + 6)
     C, free = prior_of(hidden, "tolerances").covariance(1.0), prior_of(layout, "tolerances").covariance(1.0)
     own = C[np.ix_(place, place)]
     assert u @ own @ u < 1e-11

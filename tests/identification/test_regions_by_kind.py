@@ -10,11 +10,13 @@ from scipy.stats import binom
 from taskcal.errors import CampaignError
 from taskcal.identification.calibration import covariance_on, load_calibration
 from taskcal.identification.held_out import REGION
-from taskcal.identification.holdout import Holdout, hold_out
+from taskcal.identification.holdout import hold_out
 from taskcal.identification.identify import fit_nominal, identify
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import FitOptions, Holdout
 from taskcal.identification.validation import examine, validate
 from taskcal.report.comparison import describe_regions
+from taskcal.robot.conditions import Conditions, conditions_in_order
+from taskcal.robot.effects import Backlash
 from tests.laws.observations import observed
 
 OPTIONS = FitOptions(gross_errors="keep", model_error=0.0, prior_scale=1.0)
@@ -48,6 +50,23 @@ def test_regions_of_held_out_rows_hold_their_share(kind):
     assert np.isfinite(inside).all()
     assert low < np.mean(inside) <= high
     assert low < np.mean(again) <= high
+
+
+@pytest.mark.parametrize("kind", ["socket", "distance"])
+def test_what_is_not_told_of_a_row_and_its_joints_widen_its_region(kind):
+    """Of a robot with lost motion, whatever measures it."""
+    model, campaign = measured(kind, 1)
+    told = conditions_in_order(model.robot, campaign.q)
+    fitted = fit_of(model + Backlash())(replace(campaign, conditions=told))
+    still = replace(fitted, joint_error=())
+    loose = replace(fitted, joint_error=tuple(np.full(len(model.robot.joints), 1e-4)))
+    noise, known = campaign.covariances(), replace(campaign, conditions=told).take(np.arange(1, len(campaign)))
+    told, untold, scattered = (
+        np.trace(covariance_on(one, rows, noise[1:])[:, 0], axis1=1, axis2=2)
+        for one, rows in ((still, known), (still, replace(known, conditions=Conditions())), (loose, known))
+    )
+    assert (untold[told > 0] > told[told > 0]).all()
+    assert (scattered > told).all()
 
 
 def test_a_socket_that_two_rows_locate_leaves_them_half_of_their_noise():

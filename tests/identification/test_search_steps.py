@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from taskcal.identification.effects import EffectSearch, search_steps, select_effects
+from taskcal.identification.effects import search_steps, select_effects
+from taskcal.identification.options import EffectSearch
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SOFT, SPECTRUM, Compliance, EncoderGain
 from taskcal.robot.error_model import ErrorModel

@@ -129,7 +129,7 @@ def test_a_calibration_that_says_nothing_of_this_robot_is_refused(sibling, tmp_p
         identify(wam, measured, like=sibling)
     with pytest.raises(TaskcalError, match="estimates none of this model's parameters"):
         identify(MODEL, campaign, like=identify(MODEL, campaign, keep=[]))
-    with pytest.raises(ValueError, match="like needs a prior"):
+    with pytest.raises(ValueError, match="a sibling tells the size of the prior"):
         identify(MODEL, campaign, prior=None, like=sibling)
     with_effects = replace(sibling, group_deviations=MODEL.tolerances)
     with_effects.save(tmp_path / "auto.json")

@@ -74,7 +74,7 @@ def test_where_the_second_station_is_does_not_matter():
 
 def normalised_square(calibration, true, station):
     """Square of a frame's error over its stated standard deviations: chi square of six degrees of freedom."""
-    layout, columns = calibration.layout, calibration.layout.frame_columns(station)
+    layout, columns = calibration.layout, calibration.layout.bases[station].columns
     carried = layout.stations.T_first_station[station] @ true
     E = se3.inverse(layout.registration.T_tracker_base) @ carried
     e = calibration.z[columns] - np.concatenate([E[:3, 3], se3.log(E[None, :3, :3])[0]])
@@ -260,7 +260,7 @@ def test_reference_points_tie_stations():
     spread = {}
     for name, campaign in (("plain", plain), ("tied", tied)):
         found = tc.identify(some.model, campaign)
-        columns = [found.layout.frame_columns(k) for k in (0, 1)]
+        columns = [found.layout.bases[k].columns for k in (0, 1)]
         A = np.zeros((6, len(found.z)))
         A[range(6), columns[1]], A[range(6), columns[0]] = 1.0, -1.0
         spread[name] = np.sqrt(np.diag(A @ found.z_covariance @ A.T))
@@ -282,7 +282,7 @@ def test_ties_are_differentiated_rightly():
     z = problem.layout.start()
     at = problem.ties.rows(layout, z)
     assert at.by_entry.shape == (12, len(z))
-    for i in [*layout.frame_columns(0), *layout.frame_columns(1)]:
+    for i in [*layout.bases[0].columns, *layout.bases[1].columns]:
         step = np.zeros(len(z))
         step[i] = 1e-6
         up, down = (problem.ties.rows(layout, z + sign * step).residual for sign in (1.0, -1.0))

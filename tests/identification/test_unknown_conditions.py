@@ -1,9 +1,10 @@
 """What is not told of a pose is in the covariance of its prediction, with the uncertainty of the effects that depend on it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from taskcal.identification.calibration import covariance_of_unknown_conditions
 from taskcal.identification.identify import identify
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions, conditions_in_order
@@ -25,6 +26,12 @@ def reached(rng, *, count=40, pose=False):
     return identify(model, campaign)
 
 
+def untold(found, q, told=None):
+    """Covariance of the targets by what is not told of the poses, beside the estimate's."""
+    alone = replace(found, model_error=(0.0,) * len(found.model_error), joint_error=())
+    return alone.predict_covariance(q, told) - alone.predict_covariance(q, told, model_error=False)
+
+
 @pytest.mark.parametrize("told", [None, 1.0], ids=["nothing is told", "the side is told"])
 def test_unknown_approach_covariance_matches_posterior_spread(told):
     """Unknown approach directions spread the targets as all directions and the posterior effects do; of a move whose side is told
@@ -44,7 +51,7 @@ def test_unknown_approach_covariance_matches_posterior_spread(told):
         moved.append(ends[:, :3, 3] - (found.T_tracker_base @ known @ found.T_tool_target[0])[:3, 3])
     moved = np.concatenate(moved)
     expected = moved.T @ moved / len(moved)
-    stated = covariance_of_unknown_conditions(found, q, side)[0, 0]
+    stated = untold(found, q, side)[0, 0]
     np.testing.assert_allclose(stated, expected, atol=0.05 * np.trace(expected))
 
 
@@ -53,15 +60,13 @@ def test_each_joint_whose_way_is_not_told_adds_its_own_share(pose):
     """Where a side is told, but no move, only the move is uncertain; of a first row nothing is told."""
     rng = np.random.default_rng(1)
     found, q = reached(rng, pose=pose), positions(rng, 5)
-    nothing = covariance_of_unknown_conditions(found, q)
+    nothing = untold(found, q)
     told = conditions_in_order(ROBOT, positions(rng, 5))
-    row_by_row = covariance_of_unknown_conditions(found, q, told)
+    row_by_row = untold(found, q, told)
     np.testing.assert_allclose(row_by_row[0], nothing[0])
     np.testing.assert_array_equal(row_by_row[1:], 0.0)
-    sides = covariance_of_unknown_conditions(found, q, Conditions(approach=np.ones((5, 6))))
-    some = covariance_of_unknown_conditions(
-        found, q, Conditions(approach=np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]] * 5))
-    )
+    sides = untold(found, q, Conditions(approach=np.ones((5, 6))))
+    some = untold(found, q, Conditions(approach=np.array([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]] * 5)))
     size = [np.trace(C[:, 0], axis1=1, axis2=2) for C in (sides, some, nothing)]
     assert np.all(size[0] > 0.0)
     assert np.all(size[0] < size[1])

@@ -6,9 +6,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from robot_programs.core import writing
 from taskcal.errors import FileError
 from taskcal.io.files import write_all, write_whole
+from taskcal_groundwork import writing
 
 
 @pytest.mark.parametrize("content", ["σ = 15 µm\n", b"\x00\xff"])

@@ -18,9 +18,9 @@ from taskcal.identification.identify import identify
 from taskcal.io.json_file import (
     MAX_NAMED,
     SEAL,
+    SealedFile,
     list_changes,
     note_of_edits,
-    read_versioned,
     sealed,
     unseal,
     without_seal,
@@ -161,6 +161,8 @@ def test_without_a_seal_nothing_is_taken_for_unedited(tmp_path):
     assert unseal("edited.json", sealed({"a": [1.5, None]}), "mend it") == ({"a": [1.5, None]}, ())
 
 
+THING = SealedFile(what="thing", marker="mark", version=3, command="make it")
+
 MARK = '"format": "mark", "format_version": 3'
 
 REFUSED = {
@@ -180,11 +182,11 @@ def test_json_that_is_something_else_is_refused_as_that(text, tmp_path):
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(FileError, match=REFUSED[text]) as refused:
-        read_versioned(path, "thing", "mark", 3, "make it")
+        THING.look_at(path)
     if "cut off" in REFUSED[text]:
         assert refused.value.line == text.count("\n") + 1
     path.write_text(f'{{{MARK}, "a": {{"b": 1}}, "b": [{{"b": 2}}, {{"b": 3}}]}}')
-    assert read_versioned(path, "thing", "mark", 3, "make it")["b"] == [{"b": 2}, {"b": 3}]
+    assert THING.look_at(path)["b"] == [{"b": 2}, {"b": 3}]
 
 
 @given(st.lists(st.sampled_from("abcdefghij"), unique=True, max_size=10))

@@ -3,13 +3,16 @@ import time
 import tomllib
 from collections.abc import Mapping
 from datetime import date
+from pathlib import Path
 from typing import Any, get_args, get_origin
 
 import pytest
 from pydantic import ValidationError
 
+import taskcal
 from taskcal.correction.cell import CellFile
 from taskcal.errors import FileError
+from taskcal.io.codec import schema_of
 from taskcal.io.toml_file import (
     PLAIN,
     Direction,
@@ -24,10 +27,13 @@ from taskcal.io.toml_file import (
     _sections,
     explain,
     read_toml,
+    tables_of_task,
 )
-from taskcal.observations.point import StationFile
+from taskcal.observations.point import Station
 from taskcal.robot.robot_file import RobotFile
 from taskcal.task.task import TaskFile
+
+STATION, CELL = (schema_of(kind, brief=True) for kind in (Station, CellFile))
 
 
 class Small(Section):
@@ -79,8 +85,10 @@ def test_numbers_are_taken_up_to_their_bounds(tmp_path, key):
 HOSTILE = {
     "nested arrays": ("a = " + "[" * 500 + "]" * 500, "its brackets are nested too deeply"),
     "nested tables": ("a = " + "{a = " * 500 + "1" + "}" * 500, "its brackets are nested too deeply"),
-    "a key of 100 000 parts": (".".join("a" * 100_000) + " = 1", "a key has more than 100 parts"),
-    "a header of 100 000 parts": ("[" + ".".join("a" * 100_000) + "]", "a key has more than 100 parts"),
+    "a key of 100 000 parts": (".".join("a" * 100_000) + " = 1", "a key has more than 20 parts"),
+    "a header of 100 000 parts": ("[" + ".".join("a" * 100_000) + "]", "a key has more than 20 parts"),
+    "a key in braces": ("a = {" + ".".join("a" * 1000) + " = 1}", "a key has more than 20 parts"),
+    "a key in quotes": (".".join(["'a'"] * 1000) + " = 1", "a key has more than 20 parts"),
     "an integer of 5000 digits": ("a = " + "9" * 5000, "is not TOML: a number has too many digits"),
     "cut off": ("a = [1,", "is not TOML: "),
     "a date that is none": ("a = 2020-13-45", "is not TOML: "),
@@ -95,7 +103,23 @@ def test_hostile_files_are_refused_at_once(tmp_path, kind):
     began = time.perf_counter()
     with pytest.raises(FileError, match=rf"file\.toml(:\d+)?: .*{message}"):
         read_toml(path, Small)
+    assert tables_of_task(path) == []
     assert time.perf_counter() - began < 2.0
+
+
+def test_what_users_write_reaches_the_parser_in_one_place():
+    """Elsewhere no bound would hold; the studio's own texts are none of theirs."""
+    sources = Path(taskcal.__file__).parents[1]
+    found = {
+        path.relative_to(sources).as_posix() for path in sources.rglob("*.py") if "tomllib.load" in path.read_text()
+    }
+    assert found == {"taskcal/io/toml_file.py", "taskcal_studio/texts.py"}
+
+
+def test_dots_in_values_and_comments_are_no_long_key(tmp_path):
+    path = tmp_path / "file.toml"
+    path.write_text(f"# {'.' * 60}\nposes = '{'.' * 60}csv'  # {'.' * 60}\n", encoding="utf-8")
+    assert tables_of_task(path) == [f"{'.' * 60}csv"]
 
 
 def test_many_decimal_numbers_in_a_line_are_no_long_key(tmp_path):
@@ -126,12 +150,12 @@ def test_many_decimal_numbers_in_a_line_are_no_long_key(tmp_path):
             "workspace: 'name' is not a known key; it belongs in the first lines; ",
         ),
         (
-            StationFile,
+            STATION,
             'position_mm = [0, 0, 9]\n[[reflector]]\nname = "a"\nposition_mm = [0, 0, 0]\nqq = 1',
             "reflector 1: 'qq' is not a known key; known: name, position_mm, ",
         ),
         (
-            CellFile,
+            CELL,
             "[[axis]]\nturn_about = [0, 0, 1]",
             "axis 1: 'turn_about' is not a known key; did you mean 'turns_about'",
         ),
@@ -173,14 +197,14 @@ SOUND = {
         frames = { part = { position_mm = [1.0, 2.0, 3.0], quaternion = [0.0, 0.0, 0.0, 1.0] } }
         accuracy = { position_mm = 0.1 }
     """,  # noqa: E501
-    StationFile: """
+    STATION: """
         position_mm = [4000.0, 0.0, 1000.0]
         reach_m = 30.0
         nearest_m = 0.5
         reflector = [{ name = "A", position_mm = [0.0, 0.0, 50.0], axis = [0.0, 0.0, 1.0], acceptance_deg = 30.0 }]
         keep_out = [{ center_mm = [0.0, 0.0, 50.0], size_mm = [1.0, 1.0, 1.0], quaternion = [0.0, 0.0, 0.0, 1.0] }]
     """,
-    CellFile: """
+    CELL: """
         tool = [{ name = "spindle", controller = { position_mm = [0.0, 0.0, 9.0] }, reflectors_mm = { A = [0.0, 0.0, 1.0], B = [0.0, 1.0, 1.0], C = [1.0, 0.0, 1.0] }, uncertainty_mm = 0.1 }]
         part = [{ name = "table", touched_with = "spindle", touched_deg = [[1.0, 2.0], [1.0, 2.0], [1.0, 2.0]] }]
     """,  # noqa: E501
@@ -288,7 +312,7 @@ def headers(schema: type[Section], within: tuple[str, ...] = ()) -> list[tuple[t
     return out
 
 
-HEADERS = [(schema, *one) for schema in (CellFile, StationFile, RobotFile, TaskFile) for one in headers(schema)]
+HEADERS = [(schema, *one) for schema in (CELL, STATION, RobotFile, TaskFile) for one in headers(schema)]
 
 
 @pytest.mark.parametrize(("schema", "place", "listed"), HEADERS, ids=lambda one: getattr(one, "__name__", None))

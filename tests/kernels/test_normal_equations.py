@@ -1,11 +1,10 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from taskcal.kernels.chunks import CHUNK
-from taskcal.kernels.points import CAUCHY, HUBER, SQUARED, SeenPoints, normal_equations
+from taskcal.kernels.points import SeenPoints, normal_equations
 from tests.laws.chains import MeasuredCase, measured
 from tests.laws.robots import generators
 
@@ -15,32 +14,18 @@ def whiteners(rng: np.random.Generator, case: MeasuredCase) -> np.ndarray:
     return np.ascontiguousarray(W)
 
 
-def rho(loss: int, square: float, rows: int, threshold: float) -> tuple[float, float]:
-    """Twice the cost and the weight of a block, from the root mean square of its whitened residuals."""
-    z = np.sqrt(square / rows)
-    if loss == HUBER and z > threshold:
-        return rows * (2 * threshold * z - threshold**2), threshold / z
-    if loss == CAUCHY:
-        return rows * threshold**2 * np.log(1 + (z / threshold) ** 2), 1 / (1 + (z / threshold) ** 2)
-    return square, 1.0
-
-
-@pytest.mark.parametrize("loss", [SQUARED, HUBER, CAUCHY])
-@settings(max_examples=10)
 @given(measured(), generators)
-def test_streamed_normal_equations_equal_explicit_jacobian(loss, case, rng):
+def test_streamed_normal_equations_equal_explicit_jacobian(case, rng):
     """Streamed normal equations equal those of the explicit Jacobian."""
     W = whiteners(rng, case)
-    threshold = float(rng.uniform(0.2, 3.0))
-    cost, g, H = normal_equations(case.walked, case.seen, W, loss, threshold)
+    cost, g, H = normal_equations(case.walked, case.seen, W)
     p = len(case.z)
     expected_cost, expected_g, expected_H = 0.0, np.zeros(p), np.zeros((p, p))
     for row, target, r, J in case.blocks():
         r, J = W[row, target] @ r, W[row, target] @ J
-        double, weight = rho(loss, r @ r, len(r), threshold)
-        expected_cost += 0.5 * double
-        expected_g += weight * J.T @ r
-        expected_H += weight * J.T @ J
+        expected_cost += 0.5 * r @ r
+        expected_g += J.T @ r
+        expected_H += J.T @ J
     close = {"rtol": 1e-10, "atol": 1e-10 * (1 + np.abs(expected_H).max(initial=0) + abs(expected_cost))}
     np.testing.assert_allclose(cost, expected_cost, rtol=1e-10, atol=1e-14)
     np.testing.assert_allclose(g, expected_g, **close)

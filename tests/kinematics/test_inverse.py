@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import ReachError
 from taskcal.kinematics.inverse import JUMP_RAD, closes, find_posture, follow, solve_near
 from taskcal.robot.catalogue import load_robot
@@ -14,6 +13,7 @@ from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import reach_task
+from taskcal_demo.procedure import reference_task
 from tests.laws import plain
 from tests.laws.robots import generators, industrial, industrial_positions, irb6660_description, irb6660_positions
 

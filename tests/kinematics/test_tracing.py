@@ -6,13 +6,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.demo.procedure import reference_task
 from taskcal.kinematics.inverse import JUMP_RAD, conditioning, find_posture, solve_near
 from taskcal.kinematics.tracing import MAX_STEEPNESS, STRIDE, Outcome, Traced, TracedPath, rejections, solve_path, trace
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
+from taskcal_demo.procedure import reference_task
 from tests.laws import plain
 from tests.laws.robots import generators, industrial, industrial_positions
 

@@ -18,7 +18,7 @@ from taskcal.live.runner import Answer, Event, Question, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import Rules, Taker
 from taskcal.live.virtual import VirtualCell
-from tests.live.peers import PATIENCE_S, OpcUaPeer, RtdePeer, point_stamped, relayed, rosbridge, serving
+from tests.taskcal_devices.peers import PATIENCE_S, OpcUaPeer, RtdePeer, point_stamped, relayed, rosbridge, serving
 
 ROBOT = tc.load_robot("ur5")
 MODEL = tc.ErrorModel(ROBOT)
@@ -160,8 +160,11 @@ def test_rows_are_the_truth_and_give_the_offline_result(joints: Peer, points: Pe
             ):
                 yield read, seen
 
-        with connected() as devices, pytest.raises(DeviceError, match=f"'{controller}' at {relay} was lost"):
-            session(cell, path, *devices, {6: cut}).run()
+        with connected() as devices:
+            runner = session(cell, path, *devices, {6: cut})
+            with pytest.raises(DeviceError, match=f"'{controller}' at {relay} was lost"):
+                runner.run()
+        runner.steering.journal.close()
         begun = path.read_text()
         with connected() as devices:
             runner = session(cell, path, *devices, {})
@@ -190,6 +193,7 @@ def begun(cell: LiveCell, path: Path) -> None:
         step, _ = steering.next(steering.update())
         q, at = step.q, cell.cell.points(step.q[None])[0] + 1e-5 * cell.rng.normal(size=3)
         journal.append(Row(number=number, purpose=step.purpose, station=1, time_s=20.0 * number, joints=q, point=at))
+    journal.close()
 
 
 @pytest.mark.long

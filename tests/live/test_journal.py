@@ -1,11 +1,11 @@
 """Nothing that was measured is lost: the campaign is whole after a kill at any byte."""
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,8 +43,9 @@ def _begun(path: Path, count: int = 6) -> Journal:
     journal = Journal(path, ROBOT)
     journal.begin({"seed": 1})
     for row in ROWS[:count]:
+        if row.number == 5:
+            journal.note({"fit": 4})
         journal.append(row)
-    journal.note({"fit": 4})
     return journal
 
 
@@ -165,4 +166,48 @@ def test_rows_that_were_said_survive_kill_9(tmp_path: Path) -> None:
     journal.resume({"seed": 1})
     assert len(journal.rows) >= max(said, default=20)
     assert [row.number for row in journal.rows] == list(range(1, len(journal.rows) + 1))
-    assert json.loads(journal.notes_path.read_text().splitlines()[-1])["fit"] <= len(journal.rows)
+    assert journal.noted("fit")[-1] <= len(journal.rows)
+
+
+def _edits(text: str) -> Iterator[str]:
+    """Lines taken out, doubled, swapped, put in, changed in a digit, a word or their kind, and what is no line at all."""
+    lines = text.splitlines(keepends=True)
+    for k, line in enumerate(lines):
+        digits = [i for i, character in enumerate(line) if character.isdigit()]
+        i = digits[len(digits) // 2]
+        changes = [
+            [line, line],
+            [f"{line[:i]}{(int(line[i]) + 1) % 10}{line[i + 1 :]}"],
+            [f"{line.rstrip()}0\n"],
+            [line, '{"look": [3, 1, 2]}\n'],
+            *([other] for other in ("[1, 2]\n", "null\n", '{"fit": 4, "fit": 5}\n')),
+            *([] if k == len(lines) - 1 else [[]]),  # a last line that is gone is as after a kill
+        ]
+        yield from ("".join([*lines[:k], *changed, *lines[k + 1 :]]) for changed in changes)
+    yield "".join([lines[0], *lines[2:1:-1], *lines[1:2], *lines[3:]])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".measure.jsonl"])
+def test_whatever_is_changed_in_a_campaign_it_is_not_gone_on_with(tmp_path: Path, suffix: str) -> None:
+    """A moved point, a row kept out that becomes a chosen one, a look or a row that is removed: each is named by its line."""
+    path = tmp_path / "c.csv"
+    _begun(path)
+    edited, tried = path.with_suffix(suffix), 0
+    whole = edited.read_text()
+    for text in dict.fromkeys(_edits(whole)):
+        edited.write_text(text)
+        with pytest.raises(FileError, match=r"begin another campaign|other columns|twice"):
+            Journal(path, ROBOT).resume({"seed": 1})
+        tried += 1
+    edited.write_text(whole)
+    Journal(path, ROBOT).resume({"seed": 1})
+    assert tried > 50
+
+
+def test_two_processes_do_not_write_one_campaign(tmp_path: Path) -> None:
+    path = tmp_path / "c.csv"
+    first = _begun(path)
+    with pytest.raises(FileError, match="another process"):
+        Journal(path, ROBOT).resume({"seed": 1})
+    first.close()
+    Journal(path, ROBOT).resume({"seed": 1})

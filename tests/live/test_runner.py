@@ -182,10 +182,13 @@ def test_lost_beams_and_a_stop_keep_what_is_there(tmp_path: Path) -> None:
     assert 1 <= len(session.asked) <= 2
     before = len(session.journal.rows)
     assert before in (7, 8)
+    session.journal.close()
     resumed = Session(path, resume=True, most=13)
     assert resumed.run().state.rows == 13
     times = [row.time_s for row in resumed.journal.rows]
     assert times[:before] == [row.time_s for row in session.journal.rows]
+    assert times == sorted(times)  # the clock begins anew at zero: that is said, and times go on
+    assert sum("was set back" in note for note in resumed.notes) == 1
 
 
 class _Counting(Controller):

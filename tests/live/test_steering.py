@@ -1,5 +1,6 @@
 """What is measured next and when it is proven: by the rows alone, and honest in spite of many looks."""
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -52,6 +53,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Steering:
     journal.begin(AIM.settings)
     steering = Steering(AIM, journal)
     _measure(steering, VirtualCell.drawn(ROBOT, 3), np.random.default_rng(0), 24)
+    journal.close()
     return steering
 
 
@@ -133,11 +135,12 @@ def test_joints_in_another_unit_are_refused_at_the_fifth_row(tmp_path: Path, fac
         assert steering.update().rows == k
         row = Row(number=k + 1, purpose="chosen", station=1, time_s=20.0 * k, joints=factor * q[k], point=point)
         journal.append(row)
-    if said is None:
-        assert steering.update().rows == UNIT_ROWS
-    else:
-        with pytest.raises(CampaignError, match=said):
-            steering.update()
+    with closing(journal):
+        if said is None:
+            assert steering.update().rows == UNIT_ROWS
+        else:
+            with pytest.raises(CampaignError, match=said):
+                steering.update()
 
 
 @pytest.mark.parametrize("count", [6, 12])
@@ -177,3 +180,55 @@ def test_a_campaign_of_another_aim_is_refused(measured: Steering, tmp_path: Path
     ):
         with pytest.raises(tc.TaskcalError, match=f"another {name}"):
             Journal(measured.journal.path, ROBOT).resume(other.settings)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wrong_rows_are_named_and_resuming_goes_on_with_the_right_ones(tmp_path: Path, seed: int, count: int) -> None:
+    """Rows with the point of the pose before, fewer than half of them: kept out, all of them and no other, and the fit is right."""
+    path, cell, rng = tmp_path / "c.csv", VirtualCell.drawn(ROBOT, seed), np.random.default_rng(seed)
+    wrong = sorted(1 + rng.permutation(START_ROWS)[:count])
+    journal = Journal(path, ROBOT)
+    journal.begin(AIM.settings)
+    steering, before, said = Steering(AIM, journal), np.ones(3), list[str]()
+    while len(journal.rows) < START_ROWS + 8:
+        try:
+            state = steering.update()
+        except CampaignError as error:
+            said.append(str(error))
+            journal.close()
+            journal = Journal(path, ROBOT)
+            journal.resume(AIM.settings)
+            steering = Steering(AIM, journal)
+            continue
+        step, _ = steering.next(state)
+        point = cell.points(step.q[None])[0] + 1e-5 * rng.normal(size=3)
+        number, seen = step.number, before if step.number in wrong else point
+        journal.append(
+            Row(number=number, purpose=step.purpose, station=1, time_s=20.0 * number, joints=step.q, point=seen)
+        )
+        before = point
+    assert 1 <= len(said) <= count
+    for text, numbers in zip(said, journal.noted("excluded"), strict=True):
+        assert f"{', '.join(map(str, numbers))} contradict" in text
+        assert "--resume" in text
+    excluded = [number for numbers in journal.noted("excluded") for number in numbers]
+    assert sorted(excluded) == wrong
+    calibration = steering.calibration()
+    off = np.linalg.norm(calibration.predict(calibration.q)[:, 0] - cell.points(calibration.q), axis=1)
+    assert off.max() < 1e-3
+    journal.close()
+
+
+def test_rows_of_which_most_are_wrong_are_refused(tmp_path: Path) -> None:
+    """Which are right cannot be told: none is kept out, and it is said after ten rows, not after the fit."""
+    cell, journal = VirtualCell.drawn(ROBOT, 1), Journal(tmp_path / "c.csv", ROBOT)
+    journal.begin(AIM.settings)
+    steering, before = Steering(AIM, journal), np.ones(3)
+    for number in range(1, 2 * UNIT_ROWS + 1):
+        step, _ = steering.next(steering.update())
+        journal.append(Row(number=number, purpose="chosen", station=1, time_s=0.0, joints=step.q, point=before))
+        before = cell.points(step.q[None])[0]
+    with closing(journal), pytest.raises(CampaignError, match="no more than half agree"):
+        steering.update()
+    assert not journal.noted("excluded")

@@ -11,7 +11,6 @@ import taskcal as tc
 from taskcal.errors import UnitError
 from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError
-from taskcal.live.folder import Folder
 from taskcal.live.hand import Hand, HandReadings
 from taskcal.live.journal import Journal, Row
 from taskcal.live.runner import Answer, Event, Outcome, Question, Runner
@@ -22,6 +21,7 @@ from taskcal.observations import Instrument, instrument_classes
 from taskcal.observations.calibration_board import board_text
 from taskcal.observations.point import Tracker
 from taskcal.reading import ReadOptions
+from taskcal_devices.folder import Folder
 from tests.planning.without_tracker import CAMERA
 
 ROBOT = tc.load_robot("ur5")
@@ -201,6 +201,7 @@ def test_without_a_tracker_it_ends_as_consistent_never_proven(tmp_path: Path, na
     campaign = tc.read_campaign(session.journal.path, ROBOT, options=session.options)
     offline = tc.identify(MODEL, campaign.take(chosen))
     np.testing.assert_allclose(calibration.z, offline.z, atol=1e-9)
+    session.journal.close()
     again = Session(tmp_path / "c.csv", name, resume=True, most=80)
     for row, same in zip(rows, again.journal.rows, strict=True):
         assert (row.id, row.fixture, row.time_s) == (same.id, same.fixture, same.time_s)
@@ -212,7 +213,9 @@ def test_without_a_tracker_it_ends_as_consistent_never_proven(tmp_path: Path, na
 def test_images_end_as_consistent_and_resume_as_they_were(tmp_path: Path) -> None:
     """The calibration is that of the chosen rows and the file of corners offline; a session that goes on knows the same."""
     path = tmp_path / "c.csv"
-    assert Session(path, "pixels", most=13, tolerance=1e-3).run().reason == "most"
+    first = Session(path, "pixels", most=13, tolerance=1e-3)
+    assert first.run().reason == "most"
+    first.journal.close()
     session = Session(path, "pixels", resume=True, most=80, tolerance=1e-3)
     outcome = session.run()
     assert (outcome.reason, outcome.state.proven, outcome.state.consistent) == ("consistent", False, True)
@@ -225,6 +228,7 @@ def test_images_end_as_consistent_and_resume_as_they_were(tmp_path: Path) -> Non
         campaign = tc.read_campaign(tmp_path / name, ROBOT, options=ReadOptions(board=board, images=corners))
         assert campaign.ids == ids
     np.testing.assert_allclose(calibration.z, tc.identify(MODEL, campaign).z, atol=1e-9)
+    session.journal.close()
     again = Session(path, "pixels", resume=True, most=80, tolerance=1e-3).steering.update()
     np.testing.assert_allclose(again.kept_out, outcome.state.kept_out, rtol=1e-9)
     assert again.consistent

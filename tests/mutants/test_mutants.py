@@ -61,7 +61,11 @@ def test_shares_are_whole_and_within_one_of_the_proportion() -> None:
 
 
 def test_every_module_lies_in_a_package_and_kernels_in_theirs() -> None:
-    paths = ("src/taskcal/plugins.py", "src/taskcal/robot/effects/base.py", "src/robot_programs/krl/parse.py")
+    paths = (
+        "src/taskcal/arguments.py",
+        "src/taskcal/robot/effects/base.py",
+        "src/robot_programs/krl/parse.py",
+    )
     assert [package_of(Path(path)) for path in paths] == ["taskcal", "taskcal/robot", "robot_programs"]
 
 

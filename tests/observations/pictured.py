@@ -20,6 +20,8 @@ CORNERS = SQUARE * np.array([[c + 1.0, r + 1.0, 0.0] for r in range(ROWS - 1) fo
 MODEL = ErrorModel(load_robot("ur5"))
 MIDDLE = np.array([0.3, -1.5, 1.6, -1.7, -1.57, 0.2])
 """Joints, radians, about which pictures are taken."""
+OTHER = ErrorModel(load_robot("abb-irb120"))
+MIDDLE_OF_OTHER = np.array([0.3, 0.1, 0.1, 0.2, 1.2, 0.2])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +39,11 @@ class Pictured:
     on_wrist: bool
     gears: np.ndarray
     """Amplitudes of what each drive errs once and twice a turn, as cosine and sine, radians."""
+    model: ErrorModel = MODEL
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """Of the tool."""
-        return arm_poses(q, self.x, self.gears)
+        return arm_poses(q, self.x, self.gears, self.model)
 
     def moved(self, by: float) -> "Pictured":
         """The same with what stands so many metres to the side, along the board, without noise."""
@@ -66,7 +69,7 @@ class Pictured:
             moving=("camera",) if self.on_wrist else ("board floor",),
             pictures=(pictures,),
         )
-        kind = replace(kind, start=kind.on_robot(MODEL.poses(self.q)))
+        kind = replace(kind, start=kind.on_robot(self.model.poses(self.q)))
         M = kind.views(kind.start).moving.T
         return Campaign(
             ids=names,
@@ -78,13 +81,21 @@ class Pictured:
         )
 
 
-def arm_poses(q: np.ndarray, x: np.ndarray, gears: np.ndarray) -> np.ndarray:
+def arm_poses(q: np.ndarray, x: np.ndarray, gears: np.ndarray, model: ErrorModel = MODEL) -> np.ndarray:
     turned = np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)])
-    return MODEL.poses(q + (gears[:, None] * turned).sum(axis=0), x)
+    return model.poses(q + (gears[:, None] * turned).sum(axis=0), x)
 
 
 def take_pictures(
-    seed: int, count: int = 20, *, on_wrist: bool = True, noise: float = 0.15, error: float = 0.0, gears: float = 0.0
+    seed: int,
+    count: int = 20,
+    *,
+    on_wrist: bool = True,
+    noise: float = 0.15,
+    error: float = 0.0,
+    gears: float = 0.0,
+    model: ErrorModel = MODEL,
+    middle: np.ndarray = MIDDLE,
 ) -> Pictured:
     """Pictures of a board, whole in each, by a robot that is off as its tolerances say.
 
@@ -95,19 +106,21 @@ def take_pictures(
         noise: of corners, pixels.
         error: of single poses, per axis, metres, and as many radians.
         gears: of the drives once and twice a turn, standard deviation of cosines and sines, radians.
+        model: of the robot.
+        middle: joints about which they are taken, radians.
     """
     rng = np.random.default_rng(seed)
-    x, periodic = MODEL.tolerances * rng.normal(size=len(MODEL)), gears * rng.normal(size=(4, 6))
+    x, periodic = model.tolerances * rng.normal(size=len(model)), gears * rng.normal(size=(4, 6))
     sensor = se3.pose(se3.exp(0.1 * rng.normal(size=3)), np.array([0.03, -0.06, 0.05]) + 0.01 * rng.normal(size=3))
     # the board half a metre before the camera, its middle in sight, a little turned
     before = se3.pose(se3.exp(np.array([0.1, 0.05, 0.3])), np.array([0.0, 0.0, 0.5]))
     before = before @ se3.translation(*-CORNERS.mean(axis=0))
-    there = MODEL.poses(MIDDLE[None])[0] @ sensor
+    there = model.poses(middle[None])[0] @ sensor
     moving, standing = (sensor, there @ before) if on_wrist else (sensor @ before, there)
     found: list[np.ndarray] = []
     while sum(map(len, found)) < count:
-        q = MIDDLE + rng.uniform(-0.6, 0.6, (2000, 6)) * np.array([0.8, 0.5, 0.5, 1.0, 1.0, 2.0])
-        T = _board_in_camera(arm_poses(q, x, periodic) @ moving, standing, on_wrist)
+        q = middle + rng.uniform(-0.6, 0.6, (2000, 6)) * np.array([0.8, 0.5, 0.5, 1.0, 1.0, 2.0])
+        T = _board_in_camera(arm_poses(q, x, periodic, model) @ moving, standing, on_wrist)
         seen = np.ones(len(q), dtype=bool)
         for corner in CORNERS[[0, COLUMNS - 2, -COLUMNS + 1, -1]]:
             pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(corner, (len(q), 1)))[0]
@@ -115,10 +128,14 @@ def take_pictures(
         found.append(q[seen & (np.abs(T[:, 2, 2]) > 0.5) & (T[:, 2, 3] < 0.8)])
     q = np.concatenate(found)[:count]
     off = se3.error_transform(error * rng.normal(size=(count, 6)))
-    T = _board_in_camera(arm_poses(q, x, periodic) @ off @ moving, standing, on_wrist).repeat(len(CORNERS), axis=0)
+    T = _board_in_camera(arm_poses(q, x, periodic, model) @ off @ moving, standing, on_wrist).repeat(
+        len(CORNERS), axis=0
+    )
     pixel = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], np.tile(CORNERS, (count, 1)))[0]
     pixel = pixel + noise * rng.normal(size=pixel.shape)
-    return Pictured(x=x, moving=moving, standing=standing, q=q, pixel=pixel, on_wrist=on_wrist, gears=periodic)
+    return Pictured(
+        x=x, moving=moving, standing=standing, q=q, pixel=pixel, on_wrist=on_wrist, gears=periodic, model=model
+    )
 
 
 def _board_in_camera(moving: np.ndarray, standing: np.ndarray, on_wrist: bool) -> np.ndarray:

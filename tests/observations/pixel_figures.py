@@ -54,8 +54,8 @@ def judge(seed: int) -> dict[str, float]:
     off = calibration.T_tool_target[0][:3, 3] - seen.moving[:3, 3]
     layout = calibration.layout
     R = layout.registration.T_tool_target[0, :3, :3]
-    C = R @ calibration.z_covariance[np.ix_(layout.places[0][:3], layout.places[0][:3])] @ R.T
-    own, p, place = others.observations[0], len(MODEL), layout.places[0][:3]
+    own, p, place = others.observations[0], len(MODEL), layout.places[0].columns[:3]
+    C = R @ calibration.z_covariance[np.ix_(place, place)] @ R.T
     # what is left of the hand-eye once the arm's parameters are known: the posterior of both, conditioned on the true ones
     K = np.linalg.solve(calibration.z_covariance[:p, :p], calibration.z_covariance[:p, place]).T
     known = calibration.z_covariance[np.ix_(place, place)] - K @ calibration.z_covariance[:p, place]

@@ -8,6 +8,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.kernels.projection import PINHOLE, project
 from taskcal.observations import Board, Pixels
+from taskcal.observations.calibration_board import Ruler
 from taskcal.observations.camera import KILO
 from taskcal.reading.pictures import Corners, with_pictures
 from tests.observations.pictured import CAMERA, LENS, MIDDLE, MODEL, arm_poses
@@ -24,7 +25,7 @@ FLOOR, SIDE = (
         marker_m=0.022,
         dictionary="5X5_100",
         first_marker=first,
-        u_scale=0.0,
+        measured=Ruler(length_mm=100.0, u_mm=0.0),
     )
     for name, first in (("floor", 0), ("side", 30))
 )

@@ -47,7 +47,7 @@ def pixel_mm(sheet, image: np.ndarray) -> np.ndarray:
 def found(image: np.ndarray, board: Board) -> dict[int, np.ndarray]:
     """Corners by number, as OpenCV finds them, pixels; the middle of the first pixel is at zero."""
     markers = cv2.aruco.DetectorParameters()
-    markers.markerBorderBits = board.border_bits
+    markers.markerBorderBits = board.border
     refined = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
     known = board.dictionary and cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
     if board.kind == "charuco":

@@ -91,6 +91,7 @@ TWO = CHARUCO + CHARUCO.replace("[[board]]", '[[board]]\nname = "second"')
             r"big_dot = \[4, 2\] is not on the board; its column is 0 to 3",
         ),
         (CIRCLES, "big_dot_mm = 18.0", "big_dot_mm = 14.0", r"big_dot_mm = 14 is not larger than marker_mm = 14"),
+        (CIRCLES, "big_dot_mm = 18.0", "big_dot_mm = 36.0", r"big_dot_mm = 36 does not fit .* below 35\.36"),
         (CIRCLES, "big_dot_mm = 18.0\n", "", r"give big_dot and big_dot_mm, or neither"),
         (CHARUCO + CIRCLES, 'name = "dots"', "", r"two boards are named 'board'"),
         (TWO, "", "", r"'board' and 'second' cannot be told apart.*share markers"),

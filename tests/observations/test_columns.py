@@ -5,7 +5,8 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.observations import Sockets
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.reading.writer import readings_text, write_campaign
 from tests.observations.files import ROBOT, written
 

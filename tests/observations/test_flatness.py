@@ -8,7 +8,7 @@ import pytest
 from taskcal.geometry import se3
 from taskcal.kernels.projection import PINHOLE, project
 from taskcal.observations.calibration_board import Board, bend_terms
-from taskcal.observations.camera import Lens
+from taskcal.observations.camera import Lens, calibrate_camera
 from taskcal.observations.flatness import find_bend
 from taskcal.reading.detection import detect_corners
 from taskcal.virtual.rendering import render_boards
@@ -32,16 +32,42 @@ def pictures(seed: int, bend: np.ndarray):
 @pytest.mark.parametrize("seed", range(6))
 def test_flat_boards_stay_as_they_are(seed):
     flat = pictures(seed, np.zeros(3))
-    again, found = find_bend(flat)
+    again, *found = find_bend(flat)
     assert again is flat
-    assert not found
+    assert found == [[], []]
+
+
+TAG = 0.04 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+
+
+TAGS = {"a tag": TAG, "two tags": np.concatenate([TAG, TAG + np.array([0.1, 0.0, 0.0])])}
+
+
+@pytest.mark.parametrize("board", TAGS.values(), ids=TAGS)
+@pytest.mark.parametrize(("tilt", "noise"), [(0.0, 5.0), (0.1, 0.2), (0.6, 0.2), (0.6, 5.0)])
+def test_tags_that_cannot_show_a_bend_are_taken_for_flat_and_named(board, tilt, noise):
+    rng, count, lens = np.random.default_rng(2), 25, Lens(model="pinhole", width=1600, height=1200)
+    pixel = []
+    for _ in range(count):
+        turn = se3.exp(tilt * rng.normal(size=3) * [1, 1, 0]) @ se3.exp(np.array([0.0, 0.0, rng.uniform(-3, 3)]))
+        T = np.tile(se3.pose(turn, rng.uniform([-0.05, -0.05, 0.4], [0.05, 0.05, 0.6])), (len(board), 1, 1))
+        exact = project(PINHOLE, PIXELS, T[:, :3, :3], T[:, :3, 3], board)[0]
+        pixel.append(exact + noise * rng.normal(size=exact.shape))
+    first = len(board) * np.arange(count + 1)
+    corners = np.tile(board, (count, 1))
+    flat = calibrate_camera(
+        lens, tuple(map(str, range(count))), np.zeros(count, int), first, corners, np.concatenate(pixel)
+    )
+    again, *found = find_bend(flat)
+    assert again is flat
+    assert found == [[], [0]]
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_bend_and_camera_of_a_bent_board_are_found(seed):
     """The heights to a part of a twentieth, and focal lengths within four standard deviations, which a plane misses by ten."""
     bent = pictures(seed, BEND)
-    again, (found,) = find_bend(bent)
+    again, (found,), _ = find_bend(bent)
     plane = np.column_stack([np.ones(len(CORNERS)), CORNERS[:, :2]])
     z = bend_terms(CORNERS[:, :2], CORNERS[:, :2]) @ BEND
     true = np.ptp(z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0])

@@ -114,7 +114,7 @@ def test_robot_camera_and_hand_eye_are_found_together(on_wrist, tmp_path):
     p = len(MODEL)
     off, C = z[:p] - seen.x, calibration.z_covariance[:p, :p]
     assert off @ np.linalg.solve(C, off) < p + 4.0 * np.sqrt(2.0 * p)
-    apart, own = se3.inverse(calibration.T_tool_target[0]) @ seen.moving, calibration.layout.places[0]
+    apart, own = se3.inverse(calibration.T_tool_target[0]) @ seen.moving, calibration.layout.places[0].columns
     e = np.concatenate([apart[:3, 3], se3.log(apart[:3, :3])])
     assert e @ np.linalg.solve(calibration.z_covariance[np.ix_(own, own)], e) < chi2(6).ppf(0.95)  # hand-eye
     true = (MODEL.poses(seen.q, seen.x) @ seen.moving)[:, :3, 3]

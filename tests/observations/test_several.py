@@ -14,6 +14,7 @@ from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.identify import identify
 from taskcal.observations import Pixels
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.calibration_board import Ruler
 from taskcal.observations.pixels import COMPONENTS
 from taskcal.reading.pictures import Corners
 from tests.observations.pictured import CAMERA, LENS, MODEL
@@ -54,16 +55,18 @@ def test_places_of_all_are_as_sure_as_stated(make, tmp_path):
 def test_derivatives_of_several_are_those_of_differences(make):
     """Of poses that pictures have together, and of what they say of boards and cameras among each other; without noise."""
     rig = make(3, 6, noise=1e-9)
-    campaign = rig.campaign(tuple(replace(board, u_scale=1e-3) for board in rig.boards), judged=False)
+    campaign = rig.campaign(
+        tuple(replace(board, measured=Ruler(length_mm=100.0, u_mm=0.1)) for board in rig.boards), judged=False
+    )
     (kind,), measured = campaign.observations, campaign.read(0)
     T = MODEL.poses(rig.q, rig.x) @ rig.bodies[kind.moving[0]]
     unknown = kind.settle(T, measured, np.full(len(kind.unknowns), np.nan))
     assert len(kind.views(unknown).of) > 3
     at, told = kind.differentiate(T, unknown, measured), kind.views(unknown)
-    steps = 1e-6 * np.eye(len(unknown))
+    steps = 2e-6 * np.eye(len(unknown))
 
     def differences(of):
-        return np.stack([(of(unknown - h) - of(unknown + h)) / 2e-6 for h in steps], axis=2)
+        return np.stack([(of(unknown - h) - of(unknown + h)) / 4e-6 for h in steps], axis=2)
 
     by = differences(lambda u: kind.differentiate(T, u, measured).residual)
     seen = measured.valid

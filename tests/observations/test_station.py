@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import tomli_w
 from hypothesis import given, settings
 
 from taskcal.errors import FileError
 from taskcal.geometry import se3
+from taskcal.io.codec import describe
 from taskcal.kinematics.clearance import Box, Links
 from taskcal.observations.point import Reflector, Station, load_station
 from tests.laws.campaigns import random_pose
@@ -56,6 +58,17 @@ def test_station_file_converts_to_metres_and_radians(tmp_path):
     np.testing.assert_allclose(found.offsets, [[0, 0.02, 0.08], [0.01, 0, 0]])
     np.testing.assert_allclose(found.keep_out[0].size, [0.2, 0.4, 0.6])
     np.testing.assert_allclose(se3.apply(found.T_tracker_base, found.position[None])[0], 0.0, atol=1e-15)
+
+
+def test_a_station_is_described_as_its_file_states_it(tmp_path):
+    found = load_station(written(tmp_path, STATION))
+    described = describe(found, brief=True)
+    again = load_station(written(tmp_path, tomli_w.dumps(described)))
+    np.testing.assert_allclose(again.position, found.position, rtol=1e-15)
+    np.testing.assert_allclose(again.reflectors[0].axis, found.reflectors[0].axis, rtol=1e-15)
+    assert described["reflector"][1] == {"name": "ball", "position_mm": [10.0, 0.0, 0.0]}
+    assert (described["reach_m"], "nearest_m" in described) == (25.0, False)
+    assert described["keep_out"] == [{"center_mm": [500.0, 0.0, 100.0], "size_mm": [200.0, 400.0, 600.0]}]
 
 
 @pytest.mark.parametrize(

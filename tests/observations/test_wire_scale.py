@@ -4,7 +4,8 @@ import pytest
 from taskcal.campaigns.campaign import with_unknown_scale
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from tests.laws.observations import observed
 from tests.observations.files import ROBOT, written
 

@@ -23,9 +23,9 @@ def made(folder: Path) -> Callable[[str], Path]:
     """Makes a page by its name, once."""
     pages: dict[str, Path] = {}
 
-    def call(*arguments: object) -> None:
+    def call(*arguments: object, status: int = 0) -> None:
         words = [str(argument) for argument in arguments]
-        assert main(words) == 0, words
+        assert main(words) == status, words
 
     def make(name: str) -> Path:
         if name not in pages:

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from tests.pages.test_pages import SIZES
-from tests.studio.conftest import keep_picture
-from tests.studio.test_robot_in_browser import serious
+from tests.taskcal_studio.conftest import keep_picture
+from tests.taskcal_studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 

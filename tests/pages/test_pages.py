@@ -13,8 +13,8 @@ from taskcal.report.page import Page
 from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed
-from tests.studio.conftest import PICTURES, keep_picture
-from tests.studio.test_robot_in_browser import serious
+from tests.taskcal_studio.conftest import PICTURES, keep_picture
+from tests.taskcal_studio.test_robot_in_browser import serious
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 

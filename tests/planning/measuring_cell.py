@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from taskcal.demo.procedure import reference_task
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box
 from taskcal.observations.point import Reflector, Station
+from taskcal_demo.procedure import reference_task
 
 TASK = reference_task()
 

@@ -18,7 +18,7 @@ def test_landmarks_are_in_view_in_range_and_not_oblique():
     camera = MODEL.poses(made.q) @ TIP
     seen = se3.apply(se3.inverse(camera), INSTRUMENT.fixtures.position[made.of])
     distance = np.linalg.norm(seen, axis=1)
-    assert INSTRUMENT.nearest - 1e-6 <= distance.min() <= distance.max() <= INSTRUMENT.farthest + 1e-6
+    assert INSTRUMENT.depths[0] - 1e-6 <= distance.min() <= distance.max() <= INSTRUMENT.depths[1] + 1e-6
     assert np.arccos(seen[:, 2] / distance).max() <= 0.5 * INSTRUMENT.field_of_view + 1e-6
     sight = camera[:, :3, 3] - INSTRUMENT.fixtures.position[made.of]
     tilt = np.arccos((sight * INSTRUMENT.fixtures.direction[made.of]).sum(axis=1) / distance)

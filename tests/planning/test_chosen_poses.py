@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import CampaignError
-from taskcal.planning.plan import PlanOptions, PoseChoice, plan
+from taskcal.planning.options import PlanOptions
+from taskcal.planning.plan import PoseChoice, plan
 from tests.planning.measuring_cell import TASK
 
 

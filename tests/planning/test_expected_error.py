@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from taskcal.demo.procedure import reference_task
 from taskcal.identification.identify import identify
 from taskcal.planning.expected_error import design
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import pytest
 
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
-from taskcal.demo.procedure import reference_task
 from taskcal.identification.hyperparameters import Hyperparameters
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
@@ -15,6 +14,7 @@ from taskcal.robot.effects import Compliance, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 
 TASK = reference_task(np.radians(20.0))
 

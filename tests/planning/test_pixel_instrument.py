@@ -7,9 +7,12 @@ import pytest
 
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
+from taskcal.identification.identify import identify
 from taskcal.observations import Fixtures, PixelInstrument
-from taskcal.observations.instrument import find_measurable
-from tests.planning.without_tracker import BOARD, CAMERA, LENS, MODEL, TASK, TIP, instrument_of, plan_of
+from taskcal.observations.instrument import Measurable, find_measurable
+from taskcal.planning.experiment import calibrated_experiments
+from taskcal.virtual.cell import draw_defects
+from tests.planning.without_tracker import BOARD, CAMERA, GOAL, LENS, MODEL, TASK, TIP, instrument_of, measure, plan_of
 
 cv2 = pytest.importorskip("cv2")
 WAY = instrument_of("pixels")
@@ -21,7 +24,9 @@ def share_seen(T: np.ndarray) -> tuple[float, float]:
     K = np.array([[1440.0, 0.0, 799.5], [0.0, 1440.0, 599.5], [0.0, 0.0, 1.0]])
     pixel = cv2.projectPoints(BOARD.corners(), se3.log(T[:3, :3]), T[:3, 3], K, np.zeros(5))[0][:, 0]
     depth = se3.apply(T, BOARD.corners())[:, 2]
-    inside = ((pixel > 0) & (pixel < SIZE)).all(axis=1) & (depth > WAY.nearest - 1e-5) & (depth < WAY.farthest + 1e-5)
+    inside = (
+        ((pixel > 0) & (pixel < SIZE)).all(axis=1) & (depth > WAY.depths[0] - 1e-5) & (depth < WAY.depths[1] + 1e-5)
+    )
     sight = se3.apply(T, BOARD.corners().mean(axis=0))
     return inside.mean(), np.degrees(np.arccos(T[:3, 2] @ sight / np.linalg.norm(sight)))
 
@@ -58,3 +63,20 @@ def test_a_board_that_is_none_is_refused_with_those_there_are():
     place = Fixtures(names=("wall",), position=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]]))
     with pytest.raises(CampaignError, match=r"'wall' stands, and is none of the boards board"):
         PixelInstrument.set_up(MODEL, TASK, TIP, place, board=(BOARD,), camera=CAMERA)
+
+
+def test_an_experiment_on_pictures_counts_errors_of_position_rotation_and_joints():
+    """Rows are whitened by noise and all that errs at single poses, the rotation among it; what is told of lenses follows."""
+    way, made, rng = instrument_of("pixels"), plan_of("pixels"), np.random.default_rng(7)
+    found = identify(MODEL, measure(way, made.q, made.of, draw_defects(MODEL, rng), rng, 3e-5))
+    found = replace(found, model_error=(3e-5, 2e-4), joint_error=(2e-5,) * 6)
+    fitted = way.as_fitted(found.layout.kinds[0], found.layout.unknowns(found.z)[0], found.T_tool_target[0])
+    poses = Measurable(q=made.q, rows=np.arange(len(made.q)), visible=made.visible, lost={})
+    judged = calibrated_experiments(found, GOAL, poses, fitted, None)[0]
+    at, problem = made.q[:3], judged.linear.problem(made.q[:3], made.visible[:3])
+    rows, X = problem.linearise(found.z, joints=True), judged.rows(at, made.visible[:3])[:, :6]
+    white = np.repeat([judged.linear.errors.position, 2e-4**2], 3)
+    R = problem.noise[:, 0] + np.diag(white) + 2e-5**2 * rows.by_joint @ np.swapaxes(rows.by_joint, 1, 2)
+    J = rows.by_entry * judged.linear.deviations @ judged.basis
+    told = np.swapaxes(J, 1, 2) @ np.linalg.solve(R, J)
+    np.testing.assert_allclose(np.swapaxes(X, 1, 2) @ X, told, rtol=1e-6, atol=1e-9 * told.max())

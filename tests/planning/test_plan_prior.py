@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.planning.plan import plan
@@ -14,6 +13,7 @@ from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.planning.measuring_cell import TASK, cell
 
 

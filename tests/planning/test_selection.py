@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.geometry import se3
 from taskcal.identification.hyperparameters import Hyperparameters
@@ -21,6 +20,7 @@ from taskcal.robot.effects import Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 
 
 @pytest.fixture(scope="module")

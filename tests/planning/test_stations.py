@@ -6,7 +6,8 @@ import pytest
 from taskcal.errors import CampaignError
 from taskcal.observations.base import TrackerNoise
 from taskcal.planning.expected_error import design
-from taskcal.planning.plan import PlanOptions, plan
+from taskcal.planning.options import PlanOptions
+from taskcal.planning.plan import PoseChoice, plan
 from taskcal.planning.study import study
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
@@ -51,7 +52,7 @@ def test_a_plan_that_goes_on_from_two_stations_knows_that_there_were_two(model):
 
 
 def test_what_stations_do_not_go_with_is_said(model):
-    with pytest.raises(ValueError, match="0 stations are those of a tracker"):
+    with pytest.raises(ValueError, match="stations: 0 is not 1 or more"):
         PlanOptions(stations=0)
     with pytest.raises(CampaignError, match="too few"):
         plan(model, TASK, 5, stations=2)
@@ -64,3 +65,19 @@ def test_a_study_moves_the_tracker(model):
     first, second = (np.mean([row["rms_mm"] for row in found.rows]) for found in (one, two))
     assert first != second
     assert 0.5 * first < second < 2.0 * first
+
+
+def test_a_plan_that_goes_on_counts_noise_as_each_station_saw_it(model):
+    campaign, _ = simulate(model, reach_task(model, TASK, 40, 3).q, rng=np.random.default_rng(1), stations=2)
+    noise, stations = (
+        TrackerNoise(range_m=1e-6, range_per_m=0.0, transverse_m=1e-6, transverse_per_m=1e-5),
+        campaign.stations,
+    )
+    choice = PoseChoice.among(model, TASK, PlanOptions(candidates=100, campaign=campaign, noise=noise))
+    foreseen = choice.judged.linear.problem(campaign.q, campaign.valid, stations.of).noise[:, 0]
+    for k, T in enumerate(stations.T_first_station):
+        rows = stations.of == k
+        seen = noise.covariance((campaign.points[rows, 0] - T[:3, 3]) @ T[:3, :3])
+        np.testing.assert_allclose(foreseen[rows], T[:3, :3] @ seen @ T[:3, :3].T, rtol=0.02, atol=1e-13)
+    near, far = sorted(np.trace(foreseen[stations.of == k], axis1=1, axis2=2).mean() for k in (0, 1))
+    assert far > 1.1 * near

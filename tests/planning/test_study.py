@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taskcal.analysis.identifiability import published_kept
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, FitError, TaskcalError, UnknownName
+from taskcal.identification import identify as identifying
 from taskcal.identification.identify import identify
 from taskcal.io.json_file import sealed, without_seal
 from taskcal.planning import study as studying
@@ -21,6 +21,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.reading import virtual_task
 
 CASES = {"counts": (8,), "plans": ("random", "grid"), "models": ("all", "published"), "seed": 3}
@@ -92,15 +93,15 @@ def test_robots_that_fail_do_not_end_a_study_anywhere(model, task, partly, engin
 
 
 def test_a_fit_that_does_not_converge_is_not_tried_again(model, task, tmp_path, monkeypatch):
-    fit, tried = studying.identify, []
+    fit, tried = studying.attempt, []
 
-    def one_fails(model, campaign, *, options):
+    def one_fails(model, campaign, options):
         tried.append(len(campaign))
         if len(tried) == 3:
             raise FitError("no minimum after 100 iterations")
-        return fit(model, campaign, options=options)
+        return fit(model, campaign, options)
 
-    monkeypatch.setattr(studying, "identify", one_fails)
+    monkeypatch.setattr(studying, "attempt", one_fails)
     case = {**CASES, "plans": ("random",), "models": ("all",), "engine": "sequential", "resume": tmp_path / "s.json"}
     made = study(model, task, robots=4, **case)
     assert [(row["robot"], row["failed"]) for row in made.failed] == [(2, "no minimum after 100 iterations")]
@@ -122,6 +123,25 @@ def test_every_robot_plan_count_and_model_has_its_row(rows):
     assert {row["robot"] for row in rows} == {0, 1, 2, 3}
     assert all(0 < row["rms_mm"] <= row["max_mm"] for row in rows)
     assert len({row["rms_mm"] for row in rows}) == len(rows)  # every robot is another, and measured anew
+
+
+def test_a_study_fits_without_judging_growth_and_predicts_as_identify_does(model, task, rows, monkeypatch):
+    """Growth beyond the measured range takes as long as the fit, and moves no prediction."""
+    made, fits = [], studying.attempt
+
+    def kept(model, campaign, options):
+        made.append((campaign, options, fits(model, campaign, options)))
+        return made[-1][-1]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(studying, "attempt", kept)
+        patch.setattr(identifying, "growth_of", None)  # called by none
+        assert study(model, task, robots=1, engine="sequential", **CASES).rows == rows[: len(rows) // 4]
+    campaign, options, fitted = made[0]
+    whole = identify(model, campaign, options=options)
+    assert whole.range_growth == fitted.with_growth().range_growth > fitted.calibration.range_growth == 0.0
+    np.testing.assert_array_equal(whole.z, fitted.calibration.z)
+    np.testing.assert_array_equal(whole.z_spread, fitted.calibration.z_spread)
 
 
 @pytest.mark.parametrize(("engine", "workers"), [("threading", 2), ("loky", 2)])

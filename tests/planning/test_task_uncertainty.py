@@ -27,7 +27,7 @@ def calibration(campaign: tc.Campaign) -> tc.Calibration:
 def test_the_target_is_as_well_known_as_the_predictions_say(calibration: tc.Calibration) -> None:
     found = uncertainty_over(calibration, TASK, seed=3)
     poses = tc.reach_task(MODEL, TASK, seed=3)
-    covariance = calibration.predict_covariance(poses.q, model_error=False)[:, 0]
+    covariance = calibration.predict_covariance(poses.q)[:, 0]
     # a turn of the axes leaves the trace alone
     expected = np.sqrt(poses.weights @ np.trace(covariance, axis1=1, axis2=2))
     assert found.target == pytest.approx(expected, rel=1e-9)

@@ -21,7 +21,7 @@ def test_wires_have_measurable_length_and_clear_tool():
     made = plan_of("wire")
     tip, way = wires(made.q, made.of)
     length = np.linalg.norm(way, axis=1)
-    assert INSTRUMENT.shortest <= length.min() <= length.max() <= INSTRUMENT.longest
+    assert INSTRUMENT.lengths[0] <= length.min() <= length.max() <= INSTRUMENT.lengths[1]
     assert np.arccos((way * tip[:, :3, 2]).sum(axis=1) / length).max() <= INSTRUMENT.angle + 1e-9
 
 
@@ -40,7 +40,7 @@ def test_wire_out_of_range_everywhere_names_its_anchor():
     with pytest.raises(
         ReachError, match=r"anchor 'front' cannot be measured .* the wire too short or too long; move it"
     ):
-        find_measurable(MODEL, TASK, replace(INSTRUMENT, longest=0.12), 60, 0)
+        find_measurable(MODEL, TASK, replace(INSTRUMENT, lengths=(INSTRUMENT.lengths[0], 0.12)), 60, 0)
 
 
 def test_a_sensor_of_unknown_scale_tells_less():

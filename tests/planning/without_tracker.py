@@ -11,6 +11,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
 from taskcal.observations import Board, Fixtures, Measured, SocketInstrument, StatedCamera
 from taskcal.observations.base import TrackerNoise
+from taskcal.observations.calibration_board import Ruler
 from taskcal.observations.camera import Lens, calibrate_camera
 from taskcal.observations.instrument import Instrument, instrument_class
 from taskcal.planning.plan import Plan, plan
@@ -29,7 +30,10 @@ COUNT, CANDIDATES = 36, 300
 
 LENS = Lens(model="pinhole", width=1600, height=1200)
 CAMERA = StatedCamera(lens=LENS, numbers=LENS.start(0.9), focus=(0.3, 0.8))
-BOARD = Board(kind="charuco", columns=10, rows=7, square_m=0.03, marker_m=0.022, dictionary="5X5_100", u_scale=2e-4)
+BOARD = Board(
+    kind="charuco", columns=10, rows=7, square_m=0.03, marker_m=0.022, dictionary="5X5_100",
+    measured=Ruler(length_mm=100.0, u_mm=0.02),
+)  # fmt: skip
 
 
 @cache

@@ -19,13 +19,10 @@ import pandas as pd
 
 import taskcal as tc
 from taskcal.export import export_dh, export_ur_yaml, export_urdf, fit_offsets
-from taskcal.identification.effects import EffectSearch
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.kinematics import choose_spin, solve_near
-from taskcal.planning.plan import PlanOptions
-from taskcal.planning.selection import SelectionOptions
-from taskcal.planning.study import StudyOptions
-from taskcal.virtual.cell import SimulationOptions
+from taskcal.planning.options import PlanOptions, SelectionOptions, StudyOptions
+from taskcal.virtual.options import SimulationOptions
 
 RESULTS = {"Calibration", "Comparison", "Correction", "Plan", "Selection", "Study", "Validation", "Robot", "Cell"}
 """Classes that functions make and users do not."""
@@ -186,7 +183,6 @@ def calls(folder: Path) -> dict[str, Call]:
         ),
         "GaussianPrior": Call(tc.GaussianPrior, {"mean": np.zeros(3), "covariance": np.eye(3)}),
         "Bounds": Call(tc.Bounds, {}),
-        "Huber": Call(tc.Huber, {}),
         "TrackerNoise": Call(tc.TrackerNoise, {}),
         "Compliance": Call(tc.Compliance, {}),
         "FitOptions": Call(FitOptions, {}),

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 CODE = """
-import json, numpy as np, taskcal as tc
+import json, numpy as np, pandas as pd, taskcal as tc
 robot = tc.load_robot("abb-irb120"); model = tc.ErrorModel(robot)
 q = np.full((3, 6), 0.1); degrees = np.full((3, 6), 40.0)
 task = tc.Task(name="one pose", poses=model.poses(q[:1]))
@@ -35,13 +35,14 @@ tries = {
     "number for the noise of a study": lambda: tc.study(model, task, noise=1e-5),
     "number for the noise of a simulation": lambda: tc.simulate(model, q, rng=np.random.default_rng(0), noise=1e-5),
     "number for conditions": lambda: tc.simulate(model, q, rng=np.random.default_rng(0), conditions=20.0),
-    "name for a loss": lambda: tc.identify(model, campaign, loss="huber"),
     "number for the noise of a fit": lambda: tc.identify(model, campaign, noise=1e-5),
     "path for a registration": lambda: tc.identify(model, campaign, registration="reg.json"),
     "dictionary for options": lambda: tc.identify(model, campaign, options={"keep": None}),
     "dictionary for a search": lambda: tc.identification.select_effects(model, campaign, {"field": True}),
     "name for the robot of a program": lambda: tc.read_program("path.csv", robot="ur5"),
     "array for the tool of a program": lambda: tc.read_program("path.csv", tool=np.eye(4)),
+    "named columns": lambda: model.poses(pd.DataFrame(q, columns=["J6", "J5", "J4", "J3", "J2", "J1"])),
+    "numbered columns": lambda: model.poses(pd.DataFrame(q)) is None,
     "radians": lambda: model.poses(q) is None,
 }
 said = {}
@@ -75,7 +76,6 @@ EXPECTED = {
     "number for the noise of a study": "noise is 1e-05, not a TrackerNoise: TrackerNoise(",
     "number for the noise of a simulation": "noise is 1e-05, not a TrackerNoise: TrackerNoise(",
     "number for conditions": "conditions is 20.0, not a Conditions: ",
-    "name for a loss": "loss is 'huber', not a Squared or a Huber or a Cauchy: Squared(), Huber(1.5)",
     "number for the noise of a fit": "noise is 1e-05, not a TrackerNoise: TrackerNoise(",
     "path for a registration": "registration is 'reg.json', not a Registration: register(",
     "dictionary for options": "options is a dict, not a FitOptions: FitOptions(",
@@ -85,6 +85,7 @@ EXPECTED = {
     "degrees for poses": "pose 0: J1 = 40 rad is more than two turns and beyond its limits; these look like degrees",
     "degrees for sensitivity": "these look like degrees: give radians, np.radians(q)",
     "degrees for identifiability": "these look like degrees: give radians, np.radians(q)",
+    "named columns": "q is a data frame with the columns J6, J5, J4, J3, J2, J1, and would be taken by their places",
     "degrees for simulate": "these look like degrees: give radians, np.radians(q)",
 }
 
@@ -93,7 +94,7 @@ def test_a_mistake_is_answered_by_name_and_with_a_remedy() -> None:
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
-    assert said.pop("radians") == ""
+    assert [said.pop(sound) for sound in ("radians", "numbered columns")] == ["", ""]
     assert said.keys() == EXPECTED.keys()
     for name, text in EXPECTED.items():
         assert text in said[name], (name, said[name])

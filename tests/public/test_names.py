@@ -70,6 +70,22 @@ def test_a_stub_names_each_once_and_re_exports_it() -> None:
 
 
 def test_importing_the_package_loads_no_stage() -> None:
-    code = "import taskcal, sys; print(sorted(m for m in sys.modules if m.startswith('taskcal.') or m == 'numpy'))"
+    code = "import taskcal, sys; print(sorted(m for m in sys.modules if m.startswith(('taskcal', 'robot_programs', 'numpy'))))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "['taskcal.public_names']"
+    assert done.stdout.strip() == "['taskcal', 'taskcal_groundwork', 'taskcal_groundwork.public_names']"
+
+
+BESIDE = ("taskcal_devices", "taskcal_studio", "taskcal_demo")
+
+
+def test_importing_the_whole_core_loads_nothing_that_stands_beside_it() -> None:
+    """Every module of Taskcal, the command line's among them, which begins the studio and finds devices by name when asked."""
+    modules = sorted(
+        ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
+        for path in ROOT.rglob("*.py")
+        if path.name not in ("__init__.py", "__main__.py")
+    )
+    assert len(modules) > 200
+    code = f"import sys, {', '.join(modules)}; print([m for m in sys.modules if m.startswith({BESIDE!r})])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,50 +1,56 @@
 """What a folder shows, and for whom a module is there."""
 
+import ast
 import re
 from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
-SOURCES = Path(__file__).resolve().parents[2] / "src"
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = [*sorted(path for path in (ROOT / "src").iterdir() if path.is_dir()), ROOT / "examples" / "taskcal_demo"]
 MODULES = {
-    ".".join(path.relative_to(SOURCES).with_suffix("").parts): path
-    for path in sorted(SOURCES.rglob("*.py"))
+    ".".join(path.relative_to(package.parent).with_suffix("").parts): path
+    for package in PACKAGES
+    for path in sorted(package.rglob("*.py"))
     if path.name != "__init__.py"
 }
 MAX_FILES = 20
 """That a folder shows: what a person takes in at one look."""
-MANY_ALIKE = {"taskcal.cli.commands": "one file for each command", "taskcal.studio.pages": "one file for each page"}
+MANY_ALIKE = {
+    "taskcal.cli.commands": "one file for each command",
+    "taskcal_studio.pages": "one file for each page, and for an editor on one",
+}
 """Folders that may show more, and whose files need no second importer."""
 ONE_IMPORTER = {
     "a step of its own in the way of a file, or of a fit": {
         "robot_programs.apt.rewrite",
         "robot_programs.core.folded",
-        "robot_programs.krl.computed",
-        "robot_programs.rapid.computed",
-        "robot_programs.urscript.computed",
+        "robot_programs.krl.meaning",
+        "robot_programs.krl.rewrite",
+        "robot_programs.tp.meaning",
         "taskcal.correction.run_time",
         "taskcal.correction.subdivision",
+        "taskcal.cli.options.fit",
         "taskcal.diagnosis.drift",
         "taskcal.diagnosis.images",
-        "taskcal.identification.chunked_fit",
         "taskcal.identification.group_search",
-        "taskcal.live.abb",
+        "taskcal_devices.abb",
         "taskcal.observations.flatness",
         "taskcal.planning.experiment",
         "taskcal.reading.inference",
-        "taskcal.studio.cell_editor",
-        "taskcal.studio.column_editor",
-        "taskcal.studio.server",
+        "taskcal.reading.orientations",
+        "taskcal.reading.unnamed",
+        "taskcal_studio.server",
     },
     "one of many alike, which a table names": {
-        "taskcal.live.folder",
+        "taskcal_devices.folder",
         "taskcal.live.hand",
-        "taskcal.live.natnet",
-        "taskcal.live.opcua",
-        "taskcal.live.ros",
-        "taskcal.live.rsi",
-        "taskcal.live.rtde",
-        "taskcal.live.tcp",
+        "taskcal_devices.natnet",
+        "taskcal_devices.opcua",
+        "taskcal_devices.ros",
+        "taskcal_devices.rsi",
+        "taskcal_devices.rtde",
+        "taskcal_devices.tcp",
         "taskcal.live.virtual",
         "taskcal.robot.importers.mjcf",
         "robot_programs.apt.read",
@@ -53,13 +59,14 @@ ONE_IMPORTER = {
         "robot_programs.rapid.read",
         "robot_programs.rapid.rewrite",
         "robot_programs.tp.read",
-        "robot_programs.tp.rewrite",
         "robot_programs.urscript.read",
         "robot_programs.urscript.rewrite",
-        "taskcal.robot.importers.ur",
+        "taskcal.tables.reports",
         "taskcal.tables.spreadsheet",
+        "taskcal_studio.command",
     },
     "the page of one subject": {
+        "taskcal.report.certificate",
         "taskcal.report.fleet",
         "taskcal.report.performance",
         "taskcal.report.placement",
@@ -102,8 +109,8 @@ def test_modules_have_two_importers_or_a_reason() -> None:
     for module, path in MODULES.items():
         for other in imported(path):
             importers[other].add(module)
-    packages = SOURCES.rglob("__init__.py*")
-    public = set().union(*(imported(path) for path in packages))
+    doors = [path for package in PACKAGES for path in package.rglob("__init__.py*")]
+    public = set().union(*(imported(path) for path in doors))
     alone = {
         module
         for module in MODULES
@@ -111,3 +118,40 @@ def test_modules_have_two_importers_or_a_reason() -> None:
     }
     reasoned = set().union(*ONE_IMPORTER.values())
     assert alone == reasoned
+
+
+WHOLE = {
+    "CORNER_COLUMNS[:5]": "columns that a file needs, of more that it may have",
+    "usual[:3]": "what a line looks like",
+}
+"""Beginnings of rows of texts that messages name, and that are no list cut short."""
+
+
+def test_no_message_cuts_a_list_in_silence():
+    """Where a list is joined into words, `listed` cuts it, which says how many more there are."""
+    silent: list[str] = []
+    for name, path in MODULES.items():
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            match call:
+                case ast.Call(func=ast.Attribute(value=ast.Constant(value=", " | "; "), attr="join"), args=[joined]):
+                    cut = (
+                        ast.unparse(part)
+                        for part in ast.walk(joined)
+                        if isinstance(part, ast.Subscript)
+                        and isinstance(part.slice, ast.Slice)
+                        and part.slice.lower is None
+                        and isinstance(part.slice.upper, ast.Constant | ast.Name)
+                    )
+                    silent += [f"{name}:{call.lineno}: {text}" for text in cut if text not in WHOLE]
+                case _:
+                    pass
+    assert not silent, "\n".join(silent)
+
+
+def test_planning_has_no_rows_of_its_own():
+    """What a plan foresees, and parameters are chosen by, are rows and noise of a fit: `problem_of` makes them."""
+    for name, path in MODULES.items():
+        if name.startswith("taskcal.planning."):
+            text = path.read_text(encoding="utf-8")
+            assert not re.findall(r"\.(?:differentiate|covariances)\(", text), name
+    assert "problem_of(" in MODULES["taskcal.planning.experiment"].read_text(encoding="utf-8")

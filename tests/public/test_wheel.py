@@ -7,21 +7,19 @@ from pathlib import Path
 
 import pytest
 
-import taskcal
 from tests.built_wheel import ROOT, build, run
 
 READ_BESIDE_MODULES = (
-    "**/*.pyi",
-    "py.typed",
-    "robot/catalogue/*.toml",
-    "demo/*.toml",
-    "**/*.j2",
-    "**/*.js",
-    "**/*.css",
+    "src/*/**/*.pyi",
+    "src/*/py.typed",
+    "src/taskcal/robot/catalogue/*.toml",
+    "examples/taskcal_demo/*.toml",
+    "src/*/**/*.j2",
+    "src/*/**/*.js",
+    "src/*/**/*.css",
 )
 
 USE = """
-import taskcal
 print(taskcal.__file__)
 for name in taskcal.__all__:
     getattr(taskcal, name)
@@ -36,11 +34,10 @@ def test_wheel_from_sdist_is_complete_and_importable(tmp_path: Path) -> None:
     installed = tmp_path / "installed"
     asked = ["--quiet", "--no-deps", "--no-index", "--target", str(installed), str(wheel)]
     run([sys.executable, "-m", "pip", "install", *asked])
-    package = Path(taskcal.__file__).parent
     for pattern in READ_BESIDE_MODULES:
-        files = {path.relative_to(package) for path in package.glob(pattern)}
+        files = sorted(ROOT.glob(pattern))
         assert files, pattern
-        assert files <= {path.relative_to(installed / "taskcal") for path in installed.glob(f"taskcal/{pattern}")}
+        assert [path for path in files if not installed.joinpath(*path.relative_to(ROOT).parts[1:]).is_file()] == []
     elsewhere = {**os.environ, "PYTHONPATH": str(installed)}
     assert run([sys.executable, "-c", USE], tmp_path, **elsewhere) == str(installed / "taskcal" / "__init__.py")
     (stated,) = installed.glob("taskcal-*.dist-info/METADATA")

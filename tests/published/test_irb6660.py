@@ -8,11 +8,11 @@ import pytest
 
 from taskcal.analysis.identifiability import identifiability, published_kept
 from taskcal.analysis.sensitivity import sensitivity
-from taskcal.demo.procedure import reference_task
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.task.task import reach_task
+from taskcal_demo.procedure import reference_task
 
 ELIMINATION = Path(__file__).parents[2] / "docs/theory/elimination.md"
 

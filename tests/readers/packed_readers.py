@@ -16,10 +16,10 @@ from taskcal.reading.chunked import campaign_in_chunks
 from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.importers.urdf import Visual
-from taskcal.studio.files import unpack_robot
-from taskcal.studio.project import Project
-from taskcal.studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of
 from taskcal.tables.parquet import parquet_of
+from taskcal_studio.files import unpack_robot
+from taskcal_studio.project import Project
+from taskcal_studio.robot_meshes import MESH_ENDINGS, meshes_of, put_mesh, triangles_of
 from tests.readers.damage import NUMBERS, Content, Files, damaged, damaged_zip
 from tests.readers.reader import Reader
 from tests.reading.known_campaign import DEG, JOINTS, MM, ROBOT

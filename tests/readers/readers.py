@@ -18,7 +18,8 @@ from taskcal.io.toml_file import read_toml
 from taskcal.observations.calibration_board import read_boards
 from taskcal.observations.point import load_station
 from taskcal.observations.socket import read_distances
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.registration.registration import register
 from taskcal.registration.registration_file import load_registration, save_registration
 from taskcal.report.page import read_header
@@ -26,11 +27,11 @@ from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot,
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.importers.dh import read_dh_table
 from taskcal.robot.robot_file import robot_from
-from taskcal.studio.project import Choices
 from taskcal.tables.forms import read_csv
 from taskcal.task.orientation import read_tool_poses
 from taskcal.task.task import load_task
 from taskcal.virtual.cell import simulate
+from taskcal_studio.project import Choices
 from tests.campaigns.test_cycles import PATH, PATH_ROWS, POSE_ROWS, POSES
 from tests.laws.calibrations import calibrated
 from tests.laws.urdfs import random_urdf

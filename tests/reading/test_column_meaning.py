@@ -81,7 +81,7 @@ CELLS = {
     "r21": ("matrix", 21, "", None),
     "temp_C": ("temperature", 0, "", "C"),
     "T [°C]": ("temperature", 0, "", "C"),
-    "Reflector": ("target", 1, "", None),
+    "Reflector": ("target", 0, "", None),
     "J2_approach": ("approach", 1, "", None),
     "J2_move_deg": ("move", 1, "", "deg"),
 }

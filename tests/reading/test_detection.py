@@ -8,9 +8,9 @@ from taskcal.errors import FileError
 from taskcal.geometry import se3
 from taskcal.observations import Board
 from taskcal.observations.camera import KILO, Lens
-from taskcal.reading.detection import corners_of, detect_corners
+from taskcal.reading.detection import corners_of, detect_corners, detector
 from taskcal.reading.writer import corners_text
-from taskcal.virtual.rendering import render_boards
+from taskcal.virtual.rendering import Exposure, render_boards
 from tests.observations.test_board_drawing import BOARDS
 
 cv2 = pytest.importorskip("cv2")
@@ -66,6 +66,64 @@ def test_corners_of_other_boards_are_where_they_project(tmp_path, name, roll):
     projected = dict(zip(board.ids().tolist(), np.column_stack([fx * x / z + cx, fy * y / z + cy]), strict=True))
     assert sorted(found.id) == sorted(projected)
     np.testing.assert_allclose(found.pixel, np.stack([projected[k] for k in found.id]), atol=0.3)
+
+
+DOTS = {"kind": "circles", "square_m": 0.02, "marker_m": 0.01}
+STAGGERED = {"kind": "asymmetric_circles", "columns": 4, "square_m": 0.02, "marker_m": 0.014, "big_dot": (1, 2)}
+TOLD = {
+    "square grid": Board(**DOTS, columns=7, rows=7, big_dot=(2, 3), big_dot_m=0.015),
+    "a dot in the corner": Board(**DOTS, columns=6, rows=6, big_dot=(0, 0), big_dot_m=0.014),
+    "a dot as wide as the spacing": Board(**DOTS, columns=9, rows=7, big_dot=(2, 3), big_dot_m=0.02),
+    "upright": Board(**DOTS, columns=5, rows=7, big_dot=(1, 2), big_dot_m=0.013),
+    "staggered": Board(**STAGGERED, rows=11, big_dot_m=0.018),
+    "staggered, even": Board(**STAGGERED, rows=10, big_dot_m=0.018),
+    "checkerboard": Board(kind="checkerboard", columns=9, rows=6, square_m=0.02),
+    "square checkerboard": Board(kind="checkerboard", columns=8, rows=8, square_m=0.02),
+}
+"""Boards that tell which way up they are; of the last one, all but half a turn."""
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_board_is_found_the_way_up_that_it_is_or_not_at_all(tmp_path, name):
+    """Turned at random about the camera's axis, tilted by up to 35°, in uneven light."""
+    board, lens, rng = TOLD[name], Lens(model="pinhole", width=800, height=600), np.random.default_rng(11)
+    camera, corners, find, found = lens.start(0.9), TOLD[name].corners(), detector([TOLD[name]]), 0
+    size, views = np.ptp(corners[:, :2], axis=0).max(), 12
+    fx, fy, cx, cy = camera[:4] * KILO
+    for view in range(views):
+        tilt, roll = (
+            rng.uniform(-0.6, 0.6) * se3.exp(np.array([0.0, 0.0, rng.uniform(0, np.pi)]))[0],
+            2 * np.pi * rng.random(),
+        )
+        turn = se3.exp(tilt) @ se3.exp(np.array([0.0, 0.0, roll]))
+        T = se3.pose(
+            turn, [*rng.uniform(-0.05, 0.05, 2) * size, rng.uniform(2.4, 3.0) * size] - turn @ corners.mean(axis=0)
+        )
+        light = Exposure(gradient=rng.uniform(0.0, 0.4), blur_px=rng.uniform(0.3, 1.0))
+        cv2.imwrite(
+            str(tmp_path / f"{view}.png"), render_boards((board,), lens, camera, T[None], rng=rng, exposure=light)
+        )
+        seen, _ = find(tmp_path / f"{view}.png")
+        if not len(seen.id):
+            continue
+        x, y, z = se3.apply(T, corners).T
+        projected = np.column_stack([fx * x / z + cx, fy * y / z + cy])
+        ways = [projected, projected[::-1]] if board.same_after_half_turn else [projected]
+        assert min(np.abs(seen.pixel - way[seen.id]).max() for way in ways) < 1.0, view
+        found += 1
+    assert found >= views - 1
+
+
+def test_a_board_whose_larger_dot_is_not_where_it_is_stated_is_not_found(tmp_path):
+    board, lens = replace(TOLD["square grid"], big_dot=(2, 1)), Lens(model="pinhole", width=800, height=600)
+    camera, T = lens.start(0.9), se3.pose(np.eye(3), np.array([-0.06, -0.06, 0.35]))
+    image = render_boards((board,), lens, camera, T[None], rng=np.random.default_rng(0))
+    cv2.imwrite(str(tmp_path / "seen.png"), image)
+    assert len(detector([board])(tmp_path / "seen.png")[0].id) == 49
+    for other in ({"big_dot": (1, 3)}, {"big_dot": (0, 0)}, {"big_dot_m": 0.0199, "marker_m": 0.006}):
+        assert not len(detector([replace(board, **other)])(tmp_path / "seen.png")[0].id)
+    cv2.imwrite(str(tmp_path / "mirrored.png"), np.ascontiguousarray(image[:, ::-1]))
+    assert not len(detector([board])(tmp_path / "mirrored.png")[0].id)
 
 
 WRONG = {

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
 from tests.reading.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, WXYZ, XYZ, N, P, Q, R, T, lines, write
 
 ONE = np.ones((N, 1))

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.reading.rows import MAX_NAMED_TARGETS
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 

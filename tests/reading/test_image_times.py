@@ -7,7 +7,8 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.reading.image_times import STILL_RAD, Stamp, image_times, pair_by_time, stamp_of
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from tests.reading.test_pictures import ROBOT, SEEN, corners, folder, write
 
 __all__ = ["folder"]

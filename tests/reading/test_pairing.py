@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 

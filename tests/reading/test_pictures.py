@@ -9,8 +9,9 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.identify import identify
 from taskcal.kernels.projection import FISHEYE, project
+from taskcal.reading.options import ReadOptions
 from taskcal.reading.pictures import read_corners, tabulate_corners
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import pictured_text
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -310,7 +311,7 @@ def test_a_camera_that_is_known_is_kept_as_sure_as_stated(folder):
         return read_campaign(folder / "joints.csv", ROBOT, options=options)
 
     def camera(calibration):
-        own = calibration.layout.own[0]
+        own = calibration.layout.own[0].columns
         error = np.sqrt(np.diag(calibration.z_covariance))[own]
         return calibration.z[own][6:15] * 1e3, error[6:15] * 1e3
 
@@ -320,7 +321,8 @@ def test_a_camera_that_is_known_is_kept_as_sure_as_stated(folder):
     free = camera(alone)[1]
     prior = identify(MODEL, with_camera(u=0.5))
     assert camera(prior)[1][0] < min(0.5, free[0])
-    hand_eye = [np.trace(one.z_covariance[np.ix_(p, p)]) for one in (prior, alone) for p in [one.layout.places[0][:3]]]
+    place = alone.layout.places[0].columns[:3]
+    hand_eye = [np.trace(one.z_covariance[np.ix_(place, place)]) for one in (prior, alone)]
     assert hand_eye[0] < hand_eye[1]
     with pytest.raises(TaskcalError, match=r"known.toml is of images of 1920 × 1200 pixels, and those of"):
         with_camera(width=1920)

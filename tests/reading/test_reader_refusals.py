@@ -1,5 +1,6 @@
 """Campaign files that are refused: with file, line, column, value and a remedy."""
 
+import numpy as np
 import pytest
 
 from taskcal.errors import FileError
@@ -211,3 +212,32 @@ def test_reader_refuses_more_targets_than_a_tool_carries(tmp_path):
 def test_limits_forgive_rounding_to_six_digits(tmp_path):
     campaign = read_campaign(write(tmp_path, rows=row(J1_deg="100.00001", Elbow_deg="0")), ROBOT)
     assert len(campaign) == 2
+
+
+SEVERAL = f"id,{JOINTS}," + ",".join(f"{t}_{a}_mm" for t in ("one", "two") for a in "xyz")
+
+MOVED_MM = np.array([50.0, 0.0, -3.0])
+
+
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [
+        (lambda one: one, "has the numbers of 'one' in 9 rows"),
+        (lambda one: np.roll(one, 2, axis=0), "has the numbers of 'one' in 9 rows"),
+        (lambda one: np.concatenate([one[:6], one[6:] + MOVED_MM]), "has the numbers of 'one' in 6 rows"),
+        (lambda one: one + MOVED_MM, "is that of 'one' moved by the same numbers in all 9 rows"),
+        (lambda one: np.broadcast_to(one[0] + 40.0, one.shape), "has the same numbers in all 9 rows"),
+    ],
+)
+def test_columns_of_a_target_that_were_copied_are_refused(tmp_path, second, said):
+    """The same numbers, a few rows farther, in some rows, moved along, or one for all; chosen alone, the measured one is read."""
+    rng = np.random.default_rng(0)
+    one, q = (rng.uniform(-60.0, 60.0, (9, 3)).round(3) for _ in range(2))
+    two = second(one).round(3)
+    q = np.abs(q)  # a slide that begins at zero
+    rows = [",".join(map(str, [f"r{k}", *q[k], *one[k], *two[k]])) for k in range(9)]
+    path = write(tmp_path, SEVERAL, rows)
+    with pytest.raises(FileError, match=f"target 'two' {said}") as refusal:
+        read_campaign(path, ROBOT)
+    assert "--targets" in str(refusal.value)
+    assert read_campaign(path, ROBOT, targets=["one"]).targets == ("one",)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from taskcal.reading.reader import ReadOptions, read_campaign
-from taskcal.tables.forms import TableForm
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
+from taskcal.tables.options import TableForm
 from tests.reading.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, XYZ, N, P, Q, R, lines, write
 
 ANGLES = Rotation.from_matrix(R).as_euler("XYZ", degrees=True)

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 ORIENTATIONS = {
@@ -93,8 +94,10 @@ def test_what_too_few_poses_leave_open_is_assumed_and_said(tmp_path, header, ass
 
 def test_angles_of_no_known_convention_are_reported(tmp_path):
     path, _ = angles_of(tmp_path, "W P R", "zxz", poses=8)
-    (note,) = read_campaign(path, ROBOT).notes
-    assert "none fits the nominal robot" in note
+    campaign = read_campaign(path, ROBOT)
+    assert "none fits the nominal robot" in campaign.notes[0]
+    assert "All rotations are left out" in campaign.notes[1]
+    assert campaign.rotations is None
 
 
 def test_a_convention_that_is_stated_is_not_questioned(tmp_path):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
 from tests.reading.known_campaign import BARE, DEG, JOINTS, MM, ROBOT, XYZ, N, P, Q, R, lines, write
 
 NUMBERED = [f"P{k}" for k in range(N)]

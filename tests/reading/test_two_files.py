@@ -7,7 +7,8 @@ import pytest
 
 import taskcal as tc
 from taskcal.errors import CampaignError, FileError
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from tests.reading.measured_files import NAMED, ROBOT, measured, write
 
 ROWS = 12

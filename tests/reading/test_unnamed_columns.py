@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taskcal.errors import FileError
-from taskcal.reading.reader import ReadOptions, read_campaign, read_measurements
-from taskcal.tables.forms import TableForm
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign, read_measurements
+from taskcal.tables.options import TableForm
 from tests.reading.measured_files import ROBOT, T_TRACKER_BASE, measured, write
 
 

@@ -21,7 +21,8 @@ from taskcal.identification.effects import explain
 from taskcal.live.journal import Journal, Purpose, Row
 from taskcal.live.steering import START_ROWS, Aim, State, Steering
 from taskcal.observations.instrument import Measurable
-from taskcal.planning.plan import PlanOptions, PoseChoice
+from taskcal.planning.options import PlanOptions
+from taskcal.planning.plan import PoseChoice
 from taskcal.task.task import Task
 from tests.conftest import DATA
 from tests.realdata.held_out import lengths

@@ -24,7 +24,8 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError, TaskcalError
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate

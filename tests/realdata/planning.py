@@ -18,8 +18,9 @@ import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.experiment_design import choose
-from taskcal.identification.effects import EffectSearch, competing_effects, explain
+from taskcal.identification.effects import competing_effects, explain
 from taskcal.identification.identify import identify
+from taskcal.identification.options import EffectSearch
 from taskcal.observations.instrument import Measurable
 from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters

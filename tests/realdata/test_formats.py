@@ -5,7 +5,8 @@ import pytest
 
 from taskcal.errors import FileError
 from taskcal.identification.identify import identify
-from taskcal.reading.reader import ReadOptions, average_shots, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import average_shots, read_campaign
 from taskcal.reading.readings import read_readings
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel

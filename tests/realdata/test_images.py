@@ -7,7 +7,8 @@ import pytest
 
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

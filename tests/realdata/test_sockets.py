@@ -9,7 +9,8 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import validate
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from taskcal.campaigns.campaign import Campaign, check_rows
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError, ReachError
 from taskcal.observations import Point, Sockets
 from taskcal.registration.registration import STRAIGHT_SHARE, register
@@ -17,6 +16,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.laws.campaigns import measure
 from tests.laws.observations import campaign_of
 from tests.laws.robots import generators, industrial, industrial_positions

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import CampaignError
 from taskcal.registration.registration import nominal_poses, register, register_trimmed
 from taskcal.robot.catalogue import load_robot
@@ -13,6 +12,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.task.task import reach_task
 from taskcal.virtual.cell import simulate
+from taskcal_demo.procedure import reference_task
 from tests.laws.campaigns import measure
 from tests.laws.observations import observed_with_points
 from tests.laws.robots import industrial, industrial_positions

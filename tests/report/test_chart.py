@@ -29,7 +29,7 @@ from taskcal.report.chart import (
     svg,
     text_width,
 )  # fmt: skip
-from tests.studio.hostile_project import MARKUP
+from tests.taskcal_studio.hostile_project import MARKUP
 
 SVG = "{http://www.w3.org/2000/svg}"
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
@@ -211,8 +211,11 @@ def contrast(one: str, other: str) -> float:
 
 def test_colours_stand_out_in_light_and_in_dark():
     """WCAG 2.2, 1.4.11 and 1.4.3: marks by 3, words, which have the page's ink, by 4.5; report and studio."""
-    source = Path(__file__).parents[2] / "src/taskcal"
-    for style, names in (("report/report.html.j2", ("ink", "ground")), ("studio/studio.css", ("ink", "ground"))):
+    source = Path(__file__).parents[2] / "src"
+    for style, names in (
+        ("taskcal/report/report.html.j2", ("ink", "ground")),
+        ("taskcal_studio/studio.css", ("ink", "ground")),
+    ):
         text = (source / style).read_text(encoding="utf-8")
         (ink, night_ink), (ground, night) = (
             [re.findall(rf"--{name}: (#\w+)", text)[k] for k in (0, 1)] for name in names

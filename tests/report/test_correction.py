@@ -91,18 +91,19 @@ def test_tables_of_a_program_are_its_errors_in_millimetres(corrected: Correction
         names = ("max mm", "rms mm", "mean mm", "max x mm", "max y mm", "max z mm")
         assert [float(row[name]) for name in names] == pytest.approx([1e3 * one for one in wanted], abs=6e-5)
         assert int(row["points"]) == len(error)
-    every = tabulate_targets(corrected)
+    told = corrected.told()
+    every = tabulate_targets(told["targets"], told["moves"])
     column = every.header.index("before mm")
     sizes = [float(row[column]) for row in every.rows]
-    worst = tabulate_targets(corrected, 3)
+    worst = tabulate_targets(told["targets"], told["moves"], 3)
     assert [float(row[worst.header.index("before mm")]) for row in worst.rows] == sorted(sizes, reverse=True)[:3]
     assert worst.title.startswith("The 3 targets")
-    assert tabulate_targets(corrected, len(sizes) + 1).title == every.title == "Targets"
+    assert tabulate_targets(told["targets"], told["moves"], len(sizes) + 1).title == every.title == "Targets"
 
 
 def test_words_of_a_correction_are_its_figures(corrected: Correction) -> None:
-    facts = dict([*state_expected(corrected), *tabulate_correction(corrected)])
-    budget, summary = corrected.budget, corrected.summary()
+    budget, summary, told = corrected.budget, corrected.summary(), corrected.told()
+    facts = dict([*state_expected(told), *tabulate_correction(told, corrected.motion.robot)])
     said = [float(number) for number in re.findall(r"\d+\.\d+", facts["expected error"])]
     assert said == pytest.approx([1e3 * budget.before, 1e3 * budget.after], abs=6e-4)
     said = [float(number) for number in re.findall(r"\d+\.\d+", facts["correction"])]
@@ -110,13 +111,16 @@ def test_words_of_a_correction_are_its_figures(corrected: Correction) -> None:
     shares = [int(number) for number in re.findall(r"(\d+)%", facts["uncertainty budget"])]
     assert shares == [round(100 * share) for share in budget.shares.values()]
     assert sum(budget.shares.values()) == pytest.approx(1.0)
-    motions, done, pieces, rejected, unchanged, unread = map(int, re.findall(r"\d+", facts["motions"]))
+    motions, done, pieces, rejected, unchanged, unread, added = map(int, re.findall(r"\d+", facts["motions"]))
     assert (motions, done + rejected + unchanged) == (len(corrected.program.motions), motions)
+    assert pieces == corrected.pieces[corrected.corrected].sum()
     assert (rejected, unread) == (summary["refused"], summary["unresolved"])
+    lines = [sum(source.text.count("\n") for source in one.sources) for one in (corrected.program, corrected)]
+    assert added == summary["added_lines"] == lines[1] - lines[0]
     assert facts["lines and arcs"].endswith(f": {pieces - done} more motions")
     assert f"ratio {corrected.motion.conditioning:.3f} " in facts["nearest to singular"]
     worst, share = max(budget.shares.items(), key=lambda item: item[1])
-    assert f"{share:.0%} is {worst}" in state_uncertain(corrected)
+    assert f"{share:.0%} is {worst}" in state_uncertain(summary)
 
 
 def test_program_scene_has_every_target(scene: Scene) -> None:
@@ -143,7 +147,7 @@ def test_group_remarks_has_a_line_for_each_reason():
     remarks = [(at(k), f"'p{k}' is assigned to in a.mod:{k + 1}") for k in range(3, 10)]
     remarks.insert(2, (at(1), "is out of reach"))
     assert group_remarks(remarks) == [
-        "a.mod:3: 'p3' is assigned to in a.mod:4 (7 times; also in line 4, 5, 6, and 3 more)",
+        "a.mod:3: 'p3' is assigned to in a.mod:4 (7 times; also in line 4, 5, 6 and 3 more)",
         "a.mod:1: is out of reach",
     ]
     assert group_remarks([(at(1), "x")] * 3) == ["a.mod:1: x (3 times)"]

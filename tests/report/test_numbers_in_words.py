@@ -10,8 +10,8 @@ from taskcal.identification.held_out import HeldOut
 from taskcal.planning.plan import Plan
 from taskcal.planning.study import Study
 from taskcal.report.calibration import describe_coverage, describe_held_out, verdict
-from taskcal.report.content import Numbers, Table
-from taskcal.report.plan import plan_page
+from taskcal.report.content import Facts, Table
+from taskcal.report.plan import plan_page, plan_sections
 from taskcal.report.study import MAX_REASONS, MAX_ROBOTS, describe_failed
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -98,15 +98,15 @@ def test_the_page_of_a_plan_has_its_numbers_in_millimetres_and_degrees() -> None
         random=np.array([2e-4, 4e-4]), grid=3.21e-4, by_count=np.array([9e-4, 1.5e-4]), before=1e-3, criterion="task",
         exchanges=0, accuracy=2e-4, model_error=1e-5, candidates=77, lost={"unseen": 5},
     )  # fmt: skip
-    page = plan_page(MODEL, Task(name="list", poses=np.eye(4)[None]), made, seed=0)
+    task = Task(name="list", poses=np.eye(4)[None])
+    page = plan_page(MODEL, task, made, plan_sections(MODEL, task, made), seed=0)
     blocks = [block for section in page.sections for block in section.blocks]
-    (key,) = (block for block in blocks if isinstance(block, Numbers))
-    assert [(value, unit) for value, unit, _ in key.items] == [
-        ("0.123", "mm"),
-        ("0.300", "mm"),
-        ("1.000", "mm"),
-        ("2", ""),
-    ]
+    (key,) = (block for block in blocks if isinstance(block, Facts))
+    said = {label: numbers(text) for label, text in key.items}
+    assert said["accuracy"][-1] == 0.2
+    assert said["model error"] == [0.01]
+    np.testing.assert_allclose(said["single pose"][0], made.expected_at_a_pose * 1e3, atol=5.1e-4)
+    assert said["candidates"] == [77, 5]
     expected, by_count, poses, candidates = (block for block in blocks if isinstance(block, Table))
     assert [row[1] for row in expected.rows] == ["0.123", "0.300", "0.321", "1.000"]
     assert [numbers(row[2]) for row in expected.rows] == [[], [0.2, 0.4], [], []]

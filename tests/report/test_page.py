@@ -1,4 +1,4 @@
-"""A report as a page and as Markdown."""
+"""A report as a page."""
 
 import re
 from html.parser import HTMLParser
@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from taskcal.identification.calibration import package_version
 from taskcal.report.chart import Axis, Figure, Panel, Series
 from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table
-from taskcal.report.page import Page, as_markdown, figures_of
+from taskcal.report.page import Page, figures_of
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 
@@ -88,36 +88,6 @@ def test_page_is_reproducible() -> None:
     assert html_of("a", sections_of_everything("b")) == html_of("a", sections_of_everything("b"))
 
 
-def _page(words: str) -> Page:
-    table = Table(title=words, header=("a", words), groups=((words, ((words, "1"),)),), note=words)
-    section = Section(
-        words,
-        words,
-        Points(words),
-        Numbers((words, "mm", words)),
-        Commands("taskcal"),
-        table,
-        Chart(words, _figure(words), words),
-        Scene(title="in space", note=words),
-    )
-    return Page(title=words, sections=(section,), lead=words, source=words, header=((words, words),))
-
-
-def test_markdown_has_every_block() -> None:
-    page = _page("words")
-    text = as_markdown(page, {"words": "figures/01-words.png"})
-    assert text.startswith("# words\n")
-    assert "## 1. words\n" in text
-    assert "| a | words |\n|:--|--:|\n| words |  |\n| words | 1 |\n" in text
-    assert "![words](figures/01-words.png)" in text
-    assert "**Figure: in space**" in text
-    assert text.count("words") >= 14
-    assert list(figures_of(page).values()) == ["01-words", "02-in-space"]
-
-
-def test_markdown_escapes_markup() -> None:
-    hostile = "<b>|`*_[a](b)\n# c"
-    text = as_markdown(_page(hostile))
-    assert "<b>" not in text.replace("\\<b\\>", "")
-    assert "\n# c" not in text
-    assert all(line.count("|") - line.count("\\|") in (0, 3) for line in text.splitlines())
+def test_figures_are_named_in_order_by_their_titles() -> None:
+    section = Section("a", Chart("words", _figure("words")), Scene(title="in space"))
+    assert list(figures_of(Page(title="a", sections=(section,))).values()) == ["01-words", "02-in-space"]

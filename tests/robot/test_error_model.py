@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from taskcal.demo.true_robot import elastic_model
 from taskcal.errors import ClosureError, UnknownName
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import Compliance, EncoderGain
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.robot_file import robot_from
+from taskcal_demo.true_robot import elastic_model
 from tests.laws import plain
 from tests.laws.robots import NAMED, cases, four_bar_cases, irb6660_description, irb6660_positions
 

@@ -1,3 +1,5 @@
+import gzip
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -63,6 +65,11 @@ WRONG = {
     },
     "text": (CONF.replace("233.4", "far"), "calibration.conf", "ur5", r"conf:4: 'far' is not a number of metres or radians"),
     "another file": ("[x]\ny = 1\n", "calibration.conf", None, r"neither a calibration\.conf nor a urcontrol\.conf"),
+    **{
+        f"no {key}": ("".join(line for line in CONF.splitlines(keepends=True) if f"delta_{key} " not in line), "calibration.conf",
+        "ur5", rf"has no row 'delta_{key} = ")
+        for key in ("theta", "a", "d", "alpha")
+    },
     "another robot": (CONF, "calibration.conf", "kuka-kr16-2", r"kuka-kr16-2 is not a UR with a standard table"),
     "no link": ("kinematics:\n  shoulder:\n    x: 0\n", "k.yaml", None, r"has no y of the link 'shoulder'"),
     "other yaml": ("joints:\n  a:\n    speed: 1\n", "k.yaml", None, r"k\.yaml:3: 'speed' is not a key of UR's kinematics"),
@@ -78,14 +85,18 @@ def test_a_wrong_file_is_refused(case, tmp_path):
         describe_robot(write(tmp_path, text, name), nominal=None if nominal is None else load_robot(nominal))
 
 
-@pytest.mark.parametrize("name", ["k.yaml", "calibration.conf"])
+@pytest.mark.parametrize("name", ["k.yaml", "calibration.conf", "p.urp"])
 def test_damaged_files_are_read_or_refused(name, tmp_path_factory):
     yaml = "kinematics:\n" + "".join(f"  {link}:\n" + "".join(f"    {k}: 0.1\n" for k in ("x", "y", "z", "roll", "pitch", "yaw")) for link in ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"))  # fmt: skip  # noqa: E501
+    table = "".join(f'<{key} value="0.1, -0.2, 0.3, 0, 1e-3, 0"/>' for key in ("deltaTheta", "a", "d", "alpha"))
+    urp = f'<URProgram name="p"><kinematics status="LINEARIZED" validChecksum="true">{table}</kinematics></URProgram>'
+    whole = {"k.yaml": yaml, "calibration.conf": CONF, "p.urp": urp}
 
     @given(generators)
     def law(rng):
         path = tmp_path_factory.mktemp("ur") / name
-        path.write_bytes(mutated(rng, (yaml if name == "k.yaml" else CONF).encode(), marks=b"[]:=,# \n\t-.e09\xff\x00"))
+        damaged = mutated(rng, whole[name].encode(), marks=b"[]:=,# \n\t-.e09\xff\x00")
+        path.write_bytes(gzip.compress(damaged) if name == "p.urp" else damaged)
         try:
             described = describe_robot(path, nominal=load_robot("ur5") if name == "calibration.conf" else None)
         except TaskcalError:

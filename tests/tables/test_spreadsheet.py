@@ -1,5 +1,4 @@
 import io
-import itertools
 import re
 import time
 import zipfile
@@ -8,14 +7,15 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from openpyxl import Workbook
+from openpyxl import Workbook, load_workbook
 from openpyxl.cell.rich_text import CellRichText, TextBlock
 from openpyxl.cell.text import InlineFont
 from openpyxl.styles import Font
 
 from taskcal.errors import FileError, TaskcalError
-from taskcal.tables.forms import TableForm, read_csv, read_table
-from taskcal.tables.spreadsheet import _marks, read_workbook
+from taskcal.tables.forms import read_csv, read_table
+from taskcal.tables.options import TableForm
+from taskcal.tables.spreadsheet import _Filled, read_workbook
 
 
 def book(*sheets):
@@ -269,23 +269,42 @@ def test_cells_merged_over_rows_of_numbers_are_refused():
         read_workbook(Path("a.xlsx"), content)
 
 
-@given(st.lists(st.integers(1, 400), min_size=1, max_size=8), st.sampled_from([b"r", b"plain", b"prefix"]))
-def test_marks_are_those_of_the_whole_sheet_in_pieces(cuts, form):
+def with_sheet(rows, form="r"):
+    """A workbook with rows as they are written in XML: with the places of rows and cells, without, or with a prefix of names."""
+    space = b"http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+    sheet = (
+        b'<worksheet xmlns="%s"><sheetData>%s</sheetData><mergeCells><mergeCell ref="A2:B4"/></mergeCells></worksheet>'
+    )
+    sheet %= space, b"".join(rows)
+    if form == "plain":
+        sheet = re.sub(rb' r="\w+"', b"", sheet)
+    if form == "prefix":
+        sheet = re.sub(rb"<(/?)", rb"<\1x:", sheet).replace(b"xmlns=", b"xmlns:x=")
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(points(strike_row))) as whole, zipfile.ZipFile(out, "w") as again:
+        for name in whole.namelist():
+            again.writestr(name, sheet if name == "xl/worksheets/sheet1.xml" else whole.read(name))
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("form", ["r", "plain", "prefix"])
+def test_marks_are_found_however_rows_are_written(form):
     rows = [
-        b'<row r="%d" hidden="1"><c r="A%d" s="3"><v>1</v></c></row>' % (k, k) if k % 3 == 0
-        else b'<row r="%d"><c r="A%d" s="2"><f>B1</f><v></v></c><c r="B%d" s="3"/></row>' % (k, k, k)
+        b'<row r="%d" hidden="1"><c r="A%d" s="1"><v>1</v></c></row>' % (k, k) if k % 3 == 0
+        else b'<row r="%d"><c r="A%d" s="0"><f>B1</f><v></v></c><c r="B%d" s="1"/><c r="C%d"><v>2</v></c></row>' % (k, k, k, k)
         for k in range(1, 8)
     ]  # fmt: skip
-    sheet = b"<sheetData>" + b"".join(rows) + b'</sheetData><mergeCells><mergeCell ref="A2:B4"/></mergeCells>'
-    if form == b"plain":
-        sheet = re.sub(rb' r="\w+"', b"", sheet)
-    if form == b"prefix":
-        sheet = re.sub(rb"<(/?)", rb"<\1x:", sheet)
-    places = sorted({0, len(sheet), *(min(cut, len(sheet)) for cut in cuts)})
-    pieces = [sheet[a:b] for a, b in itertools.pairwise(places)]
-    marks = _marks(pieces, frozenset({3}))
-    assert (marks.hidden, marks.struck, marks.unvalued) == ({3, 6}, {3, 6}, {1, 2, 4, 5, 7})
-    assert marks.merged == [(2, 4, "A2:B4")]
+    made = load_workbook(io.BytesIO(with_sheet(rows, form)), read_only=True, data_only=True, rich_text=True)
+    filled = _Filled(Path("a.xlsx"), made["points"], frozenset({1}))
+    assert (filled.hidden, filled.struck, filled.unvalued) == ({3, 6}, {3, 6}, {1, 2, 4, 5, 7})
+    assert filled.merged == [(2, 4, "A2:B4")]
+    assert list(filled.lines) == list(range(1, 8))
+
+
+def test_rows_that_are_not_in_order_are_refused():
+    rows = [b'<row r="%d"><c r="A%d"><v>1</v></c></row>' % (k, k) for k in (1, 3, 2)]
+    with pytest.raises(FileError, match=r"a\.xlsx:2: row 2 stands behind row 3; save the workbook again, or as CSV"):
+        read_workbook(Path("a.xlsx"), with_sheet(rows))
 
 
 def test_comma_of_a_text_is_not_decided_by_numbers(tmp_path):

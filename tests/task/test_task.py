@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, load_task, reach_task
+from taskcal_demo.procedure import reference_task
 from tests.task.task_files import BOX, CYLINDER, written
 
 

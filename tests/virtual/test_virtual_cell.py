@@ -7,7 +7,8 @@ from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
-from taskcal.virtual.cell import SimulationOptions, simulate
+from taskcal.virtual.cell import simulate
+from taskcal.virtual.options import SimulationOptions
 
 MODEL = ErrorModel(load_robot("ur5"))
 Q = np.random.default_rng(0).uniform(-1.0, 1.0, size=(2000, 6))
@@ -40,7 +41,7 @@ def test_poses_are_of_the_first_target_alone():
 
 
 def test_an_option_that_there_is_not_is_refused_by_name():
-    with pytest.raises(TypeError, match=r"no option 'target' of a simulation; there are x, targets, pose"):
+    with pytest.raises(TypeError, match=r"no option 'target' of simulate; there are x, targets, pose"):
         simulate(MODEL, Q[:5], rng=np.random.default_rng(1), target={})
 
 

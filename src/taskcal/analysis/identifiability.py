@@ -14,6 +14,7 @@ from taskcal.estimation.experiment_design import Observability, observability
 from taskcal.geometry import se3
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said, joined
 
 NEGLIGIBLE = 1e-9
 """Share of the largest singular value, or column, under which one counts as zero."""
@@ -542,11 +543,13 @@ def _fate(found: Identifiability, name: str, label: Mapping[str, str]) -> str:
     return "kept"
 
 
-def describe_combination(terms: Mapping[str, float], label: Mapping[str, str]) -> str:
+def describe_combination(terms: Mapping[str, float], label: Mapping[str, str]) -> Said:
     """A linear combination in words, such as ``0.3·t1z + psi1 − 0.7·t2y``."""
-    out = ""
+    parts: list[str] = []
     for name, c in terms.items():
-        size = "" if abs(abs(c) - 1.0) < 5e-5 else f"{abs(c):.4g}·"
-        sign = ("− " if c < 0 else "+ ") if out else ("−" if c < 0 else "")
-        out += f"{' ' if out else ''}{sign}{size}{label.get(name, name)}"
-    return out
+        sign, symbol = ("− " if c < 0 else "+ ") if parts else ("−" if c < 0 else ""), label.get(name, name)
+        alone = abs(abs(c) - 1.0) < 5e-5
+        parts.append(
+            f"{sign}{symbol}" if alone else Said("{sign}{size:.4g}·{symbol}", sign=sign, size=abs(c), symbol=symbol)
+        )
+    return joined(" ", parts)

@@ -6,13 +6,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from pydantic import Field
 
 from taskcal.arguments import checked_with_gaps, repeated
 from taskcal.errors import CampaignError, FileError, UnknownName, shortened, shown
 from taskcal.geometry import se3
+from taskcal.geometry.se3 import RIGID
+from taskcal.io.codec import InFile
 from taskcal.observations import Point, Pose, block_size
 from taskcal.observations.base import UNMEASURED, Measured, Observation, TrackerNoise, check_lengths
 from taskcal.robot.conditions import Conditions
@@ -30,10 +34,10 @@ _QUANTITIES = {
 class Stations:
     """Where a tracker stood that was moved during a campaign, whose rows are carried into the frame of the first station."""
 
-    names: tuple[str, ...]
+    names: Annotated[tuple[str, ...], Field(min_length=1), InFile(counts="stations")]
     of: Int[np.ndarray, " n"]
     """Which of them each row was measured from."""
-    T_first_station: Float[np.ndarray, "stations 4 4"]
+    T_first_station: Annotated[Float[np.ndarray, "stations 4 4"], RIGID]
     """Pose of each station's tracker in the frame of the first, by which its rows were carried there."""
 
     @property
@@ -89,9 +93,10 @@ class Campaign:
     """What the file did not say and was decided in reading it, and what of it was left out."""
 
     def __repr__(self) -> str:
+        measured = " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observed))
         quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]
         parts = [
-            f"{len(self)} {self._kinds} of {shortened(', '.join(self.targets), 80)}",
+            f"{len(self)} {measured} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
             f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
             f"stations {shortened(', '.join(self.stations.names), 80)}" if self.stations else "",
@@ -145,11 +150,9 @@ class Campaign:
         return tuple(map(type, self.observations))
 
     @property
-    def _kinds(self) -> str:
-        """Measured quantity, in the plural."""
-        if self.observations:
-            return " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observations))
-        return "points" if self.rotations is None else "poses"
+    def observed(self) -> tuple[Observation, ...]:
+        """How each target was observed, points or poses of a tracker among it."""
+        return self.observations or (Point() if self.rotations is None else Pose(),) * len(self.targets)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -180,7 +183,7 @@ class Campaign:
         Raises:
             CampaignError: a target was observed otherwise.
         """
-        for name, one in zip(self.targets, self.observations, strict=False):
+        for name, one in zip(self.targets, self.observed, strict=True):
             if not one.in_tracker:
                 raise CampaignError(
                     f"{what} takes what a tracker measured; '{name}' was observed otherwise ({one.key})"
@@ -254,27 +257,25 @@ class Campaign:
         return out.hexdigest()[:16]
 
     def covariances(self, noise: TrackerNoise | None = None) -> Float[np.ndarray, "n targets b b"]:
-        """Covariance of every measured point (b = 3) or pose (b = 6), m² and rad²."""
-        noise = noise or TrackerNoise()
-        if self.observations:
-            return self._covariances_by_kind(noise)
-        stated = self.uncertainty
-        points = self._by_noise(noise) if stated is None else stated[..., None, None] ** 2 * np.eye(3)
-        points = np.where(self.valid[..., None, None], points, np.eye(3))
-        if self.rotations is None:
-            return points
-        out = np.zeros((*self.valid.shape, 6, 6))
-        out[..., :3, :3] = points
-        out[..., 3:, 3:] = noise.rotation**2 * np.eye(3)
+        """Covariance of what was measured of every target, in blocks of 3 or 6, m² and rad²; a tracker's as its station saw it."""
+        kinds, noise = self.observed, noise or TrackerNoise()
+        b = block_size(kinds)
+        out = np.zeros((*self.valid.shape, b, b))
+        out[..., range(b), range(b)] = UNMEASURED
+        T = None if self.stations is None else self.stations.T_first_station[self.stations.of]
+        for t, one in enumerate(kinds):
+            seen = self.valid[:, t]
+            stated = None if self.uncertainty is None else self.uncertainty[seen, t]
+            part, own = self.read(t).take(seen), one if one.of is None else replace(one, of=one.of[seen])
+            rows, block = np.flatnonzero(seen), np.array(one.block())
+            if T is None or stated is not None or not one.in_tracker:
+                covariance = own.covariance(part, stated, noise)
+            else:
+                there = part._replace(points=se3.apply(se3.inverse(T[seen]), part.points))
+                covariance, R = own.covariance(there, None, noise), T[seen, :3, :3]
+                covariance[:, :3, :3] = R @ covariance[:, :3, :3] @ np.swapaxes(R, 1, 2)
+            out[rows[:, None, None], t, block[:, None], block] = covariance
         return out
-
-    def _by_noise(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets 3 3"]:
-        """Covariance by the tracker's noise, which is seen from the station of each row."""
-        if self.stations is None:
-            return noise.covariance(self.points)
-        T = self.stations.T_first_station[self.stations.of][:, None]
-        R = T[..., :3, :3]
-        return R @ noise.covariance(se3.apply(se3.inverse(T), self.points)) @ np.swapaxes(R, -1, -2)
 
     def carried(self, T_first_station: Float[np.ndarray, "stations 4 4"]) -> "Campaign":
         """The measurements carried into the frame of the first station by other poses of the stations."""
@@ -288,18 +289,6 @@ class Campaign:
             reference_points={name: se3.apply(T, points) for name, points in self.reference_points.items()},
             stations=replace(stations, T_first_station=T_first_station),
         )
-
-    def _covariances_by_kind(self, noise: TrackerNoise) -> Float[np.ndarray, "n targets b b"]:
-        b = block_size(self.observations)
-        out = np.zeros((*self.valid.shape, b, b))
-        out[..., range(b), range(b)] = UNMEASURED
-        for t, one in enumerate(self.observations):
-            seen = self.valid[:, t]
-            stated = None if self.uncertainty is None else self.uncertainty[seen, t]
-            part, own = self.read(t).take(seen), one if one.of is None else replace(one, of=one.of[seen])
-            rows, block = np.flatnonzero(seen), np.array(one.block())
-            out[rows[:, None, None], t, block[:, None], block] = own.covariance(part, stated, noise)
-        return out
 
     def read(self, target: int) -> Measured:
         """Measurements of one target."""
@@ -375,15 +364,14 @@ class Campaign:
                 raise UnknownName("target", name, self.targets)
         chosen = [self.targets.index(name) for name in names]
         uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
-        observations = tuple(self.observations[t] for t in chosen) if self.observations else ()
-        turned = not observations or any(one.width == 6 for one in observations)
+        turned = any(self.observed[t].width == 6 for t in chosen)
         return replace(
             self,
             targets=tuple(names),
             points=self.points[:, chosen],
             rotations=self.rotations if turned else None,
             uncertainty=uncertainty,
-            observations=observations,
+            observations=tuple(self.observations[t] for t in chosen) if self.observations else (),
         )
 
 
@@ -465,7 +453,7 @@ def join(campaigns: Sequence[Campaign], *, alike: bool = False) -> Campaign:
     first = np.cumsum([0, *map(len, campaigns)])
     fixed = dict.fromkeys(name for one in campaigns for name in one.reference_points) if alike else {}
     kinds = tuple(
-        _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in _kinds(one)
+        _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in one.observed
     )
     lines = [one.lines for one in campaigns if one.lines is not None]
     return Campaign(
@@ -487,12 +475,6 @@ def join(campaigns: Sequence[Campaign], *, alike: bool = False) -> Campaign:
         lines=np.concatenate(lines) if alike and len(lines) == len(campaigns) else None,
         notes=tuple(dict.fromkeys(note for one in campaigns for note in one.notes)),
     )
-
-
-def _kinds(campaign: Campaign) -> tuple[Observation, ...]:
-    if campaign.observations:
-        return campaign.observations
-    return tuple(Point() if campaign.rotations is None else Pose() for _ in campaign.targets)
 
 
 def _among(kind: Observation, first: int, count: int) -> Observation:
@@ -560,8 +542,7 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
     if campaign.observations:
         _check_observed_rows(campaign, parameters)
         return
-    per_row = 3 if campaign.rotations is None else 6
-    needed_per_target = 3 if campaign.rotations is None else 6
+    per_row = block_size(campaign.observed)
     for t, name in enumerate(campaign.targets):
         seen = int(campaign.valid[:, t].sum())
         if seen == 0:
@@ -569,7 +550,7 @@ def check_rows(campaign: Campaign, parameters: int = 0) -> None:
             remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
             raise CampaignError(f"{named_file(campaign)}target '{name}' was never seen; {remedy}")
     seen = int(campaign.valid.sum())
-    unknown = 6 + needed_per_target * len(campaign.targets) + parameters
+    unknown = 6 + per_row * len(campaign.targets) + parameters
     if per_row * seen <= unknown:
         rows = unknown // (per_row * len(campaign.targets)) + 1
         what = "points" if per_row == 3 else "poses"

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from taskcal.campaigns.campaign import Campaign, Stations
+from taskcal.errors import listed
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.short_repr import short_repr
@@ -399,9 +400,7 @@ def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
     for name, lost in zip(campaign.reference_points, motion.lost.T, strict=True):
         rows = np.flatnonzero(lost)
         if len(rows):
-            named = ", ".join(campaign.ids[i] for i in rows[:MAX_NAMED_ROWS]) + (
-                ", …" if len(rows) > MAX_NAMED_ROWS else ""
-            )
+            named = listed((campaign.ids[i] for i in rows), MAX_NAMED_ROWS)
             out.append(
                 f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): rejected there"
             )

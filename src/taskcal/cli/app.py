@@ -16,8 +16,9 @@ import typer
 from typer.core import TyperGroup
 
 from taskcal.cli.command import Command, laid_out
-from taskcal.cli.output import MESSAGE_CHARACTERS, begin_account, error, for_terminal, info, interrupted
+from taskcal.cli.output import MESSAGE_CHARACTERS, error, for_terminal, info
 from taskcal.cli.progress import clear_line, working
+from taskcal.cli.run import begin_account, interrupted
 from taskcal.errors import TaskcalError, shortened
 
 SUMMARIES = {
@@ -81,6 +82,10 @@ EXAMPLES = {
 """A use of each command that needs no other option; its help shows it."""
 
 
+ELSEWHERE = {"studio": "taskcal_studio.command"}
+"""Modules of commands that run others, and read what these declare."""
+
+
 class LazyCommands(MutableMapping[str, Any]):
     """Commands by name; a value is imported as it is asked for."""
 
@@ -109,11 +114,11 @@ class LazyCommands(MutableMapping[str, Any]):
 
 def _load(name: str) -> Any:
     """The command of a name, from its module."""
-    module = import_module(f"taskcal.cli.commands.{name}")
+    module = import_module(ELSEWHERE.get(name, f"taskcal.cli.commands.{name}"))
     app = getattr(module, "app", None)
     if app is None:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(name, cls=Command)(laid_out(module.command))
+        app.command(name, cls=Command)(laid_out(module.command, name))
     command: Any = typer.main.get_command(app)  # pyright: ignore
     command.name = name
     command.example = EXAMPLES.get(name, "")

@@ -1,4 +1,4 @@
-"""Command output: tables or JSON on standard output, messages on standard error, files written all together."""
+"""Command output: sections or JSON on standard output, messages on standard error, notes from one run to the next."""
 
 import json
 import math
@@ -7,25 +7,33 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cache
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
-import typer
-
-from robot_programs.core.files import elsewhere_on_windows
 from taskcal.cli.progress import clear_line
 from taskcal.errors import FileError, printable, shortened
-from taskcal.io.files import Laid, finish_writing, to_bytes, write_all, write_whole
+from taskcal.io.files import write_whole
 from taskcal.io.json_file import parse_json
-from taskcal.report.content import Table, fold, lay_out_facts, lay_out_table
-
-if TYPE_CHECKING:
-    import numpy as np
-
+from taskcal.report.content import (
+    Block,
+    Chart,
+    Commands,
+    Facts,
+    Numbers,
+    Points,
+    Scene,
+    Section,
+    Step,
+    Table,
+    Text,
+    fold,
+    lay_out_facts,
+    lay_out_table,
+)
 
 # Messages and sentences.
 
@@ -103,26 +111,56 @@ def show_log() -> None:
     log.addHandler(Shown())
 
 
-# Tables and labelled lines for people.
+# Sections, tables and labelled lines for people.
 
 
-def show(table: Table, *, spare: Sequence[str] = (), note: bool = False) -> None:
-    """Print a table, the same that a page shows.
+def show_sections(sections: Iterable[Section]) -> None:
+    """Print sections as a page has them, an empty line between them and about each table; figures are the page's alone."""
+    below = False
+    for section in sections:
+        begins = True
+        for kind, blocks in groupby(section.blocks, type):
+            for block in [_in_one(blocks)] if kind is Step else blocks:
+                if isinstance(block, Chart | Scene) or (isinstance(block, Facts) and not block.items):
+                    continue
+                if below and (begins or isinstance(block, Table)):
+                    tell()
+                _show_block(block)
+                below, begins = not isinstance(block, Table), False
 
-    Args:
-        table: with its columns of words set flush left.
-        spare: headers of columns that are left out where it is too wide, those that go first at the front.
-        note: whether to print its note below it.
-    """
+
+def _in_one(steps: Iterable[Block]) -> Facts:
+    """Steps as labelled lines."""
+    words = [step.words for step in steps if isinstance(step, Step)]
+    return Facts(*(("" if number else "next", text) for number, text in enumerate(words)))
+
+
+def _show_block(block: Block) -> None:
+    if isinstance(block, Table):
+        show(block)
+    elif isinstance(block, Text):
+        say(block.words)
+    elif isinstance(block, Points):
+        show_facts(("•", item) for item in block.items)
+    elif isinstance(block, Numbers):
+        show_facts((what, f"{value} {unit}".strip()) for value, unit, what in block.items)
+    elif isinstance(block, Facts):
+        show_facts(block.items)
+    elif isinstance(block, Commands):
+        tell(block.lines)
+
+
+def show(table: Table) -> None:
+    """Print a table, the same that a page shows, with its columns of words set flush left, and an empty line."""
     clear_line()
     width = line_width()
     for line in fold(for_terminal(table.title), width) if table.title else ():
         print(f"\x1b[1m{line}\x1b[0m" if sys.stdout.isatty() and "NO_COLOR" not in os.environ else line)
     groups = [(heading, [[_in_a_cell(cell) for cell in row] for row in rows]) for heading, rows in table.groups]
-    without = [table.header.index(name) for name in spare if name in table.header]
+    without = [table.header.index(name) for name in table.spare if name in table.header]
     for line in lay_out_table([*map(_in_a_cell, table.header)], groups, set(table.text_columns), width, without):
         print(line)
-    for line in fold(for_terminal(table.note), width) if note and table.note else ():
+    for line in fold(for_terminal(table.note), width) if table.note else ():
         print(line)
     print()
 
@@ -183,14 +221,6 @@ def plain(value: Any) -> Any:
     return value
 
 
-def placement(T: "np.ndarray") -> dict[str, Any]:
-    """A pose for people: position in millimetres, orientation as a quaternion ``qx qy qz qw``."""
-    from taskcal.geometry import se3
-
-    position = [round(float(value) * 1e3, 9) for value in T[:3, 3]]
-    return {"position_mm": position, "quaternion": se3.to_quaternion(T[None, :3, :3])[0].tolist()}
-
-
 # Notes that are kept from one run to the next, in the user's state folder.
 
 MAX_NOTES = 5000
@@ -227,117 +257,25 @@ def keep_note(kind: str, key: bytes, content: Mapping[str, Any]) -> None:
             old.unlink(missing_ok=True)
 
 
-# The files of a command: checked before anything is computed, written all together, and known again as its own.
-#
-# A file is a command's own while it is, byte for byte, what that command last wrote there. Digests of what was
-# written are kept as notes, so that no mark has to be in a file, and a file that was edited since is noticed.
+# Files that were read although they were edited: every result and page says so.
+
+_edited: list[str] = []
 
 
-@dataclass
-class _Account:
-    """Files that this run is to write and has written, for the line that lists them where it is interrupted, and edited ones."""
-
-    planned: list[Path] = field(default_factory=list[Path])
-    written: list[Path] = field(default_factory=list[Path])
-    warnings: list[str] = field(default_factory=list[str])
-    """Files that were read although they were edited, in words."""
-
-
-_account = _Account()
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """The files of one command, seen to be free."""
-
-    command: str
-    paths: tuple[Path, ...]
-    force: bool = False
-
-    def write(
-        self,
-        contents: Mapping[Path, str | bytes] | Mapping[Path | None, str | bytes],
-        lay: Callable[[], Laid] | None = None,
-    ) -> None:
-        """Write files that belong together, all or none, and remember them as this command's.
-
-        Args:
-            contents: of each file; that of an option that was not given, None, is not written. Files whose names were not known
-                before are each in a folder that may still have to be made.
-            lay: lays what else belongs to them beside its place.
-
-        Raises:
-            FileError: one of them cannot be written, or exists and is not as this command wrote it.
-        """
-        named = {path: content for path, content in contents.items() if path is not None}
-        for path in named:
-            if path not in self.paths:
-                _check_own(path, self.command, force=self.force)
-                path.parent.mkdir(exist_ok=True)
-        for path, content in named.items():
-            _remember(path, self.command, content)
-        if named or lay is not None:
-            write_all(named, lay)
-            _account.written.extend(named)
-
-
-def check_outputs(
-    command: str,
-    outputs: Iterable[tuple[str, Path | None]],
-    inputs: Iterable[str | Path | None] = (),
-    *,
-    force: bool = False,
-    updated: Sequence[str] = (),
-) -> Outputs:
-    """Check, before anything is computed, that every file can be written and that nothing is lost by it.
-
-    Args:
-        command: as the user calls it.
-        outputs: option and file.
-        inputs: files that the command reads.
-        force: replace files that the command did not write.
-        updated: options whose file the command reads first and goes on with; only a clash with others is looked for.
-
-    Raises:
-        FileError: a folder is missing or closed to us, a file is a folder or one of the inputs, or it exists and is not
-            as this command wrote it.
-        typer.BadParameter: two outputs are one file.
-    """
-    named = [(option, path) for option, path in outputs if path is not None]
-    read = [Path(given) for given in inputs if given is not None]
-    for number, (option, path) in enumerate(named):
-        _check_place(path)
-        for other, earlier in named[:number]:
-            if _are_one(path, earlier):
-                raise typer.BadParameter(
-                    f"both name '{path}' and cannot be one file; name different ones", param_hint=f"{option} / {other}"
-                )
-        if any(_are_one(path, given) for given in read):
-            raise FileError(
-                path, "would overwrite an input file, which --force does not allow either; name another file"
-            )
-        if option not in updated:
-            _check_own(path, command, force=force)
-    _account.planned.extend(path for option, path in named if option not in updated)
-    return Outputs(command, tuple(path for _, path in named), force)
-
-
-def begin_account() -> None:
-    """Forget the files of an earlier command of this process."""
-    _account.planned.clear()
-    _account.written.clear()
-    _account.warnings.clear()
+def forget_edits() -> None:
+    """Forget what an earlier command of this process read."""
+    _edited.clear()
 
 
 def warn_of_edits(warning: str) -> None:
-    """Note that a file which this run reads was edited: every result and page says so. Nothing where the warning is empty."""
+    """Note that a file which this run reads was edited. Nothing where the warning is empty."""
     if warning:
-        _account.warnings.append(warning)
+        _edited.append(warning)
 
 
 def edit_warnings() -> tuple[str, ...]:
     """Which files of this run were edited, in words."""
-    return tuple(dict.fromkeys(_account.warnings))
+    return tuple(dict.fromkeys(_edited))
 
 
 def with_edits(result: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -349,109 +287,3 @@ def tell_edits() -> None:
     """Write above a result for people which files were edited."""
     for warning in edit_warnings():
         say(f"warning: {warning}")
-
-
-def count_as_written(path: Path) -> None:
-    """Note a file that a command keeps up to date by itself."""
-    if path not in _account.written:
-        _account.written.append(path)
-
-
-def interrupted() -> str:
-    """The message of an interrupted command, with its files."""
-    missing = [str(path) for path in _account.planned if path not in _account.written]
-    written = f"wrote {', '.join(map(str, _account.written))}" if _account.written else "nothing was written"
-    return f"interrupted: {written}" + (f"; not written: {', '.join(missing)}" if missing else "")
-
-
-def files_of_task(task: Path | None) -> list[Path]:
-    """The task file and the list or path that it names; its reader reports what is wrong with it."""
-    if task is None:
-        return []
-    import tomllib
-
-    named: list[Any] = []
-    with suppress(OSError, ValueError, RecursionError):
-        content = tomllib.loads(task.read_text(encoding="utf-8"))
-        named = [content.get(key) for key in ("poses", "path")]
-    return [task, *(task.parent / name for name in named if isinstance(name, str) and "\0" not in name)]
-
-
-def _check_place(path: Path) -> None:
-    """Check that a file can be made here.
-
-    Raises:
-        FileError: its folder is missing or closed to us, it is a folder itself, or Windows has no file of this name.
-    """
-    folder = path.parent
-    if not folder.is_dir():
-        raise FileError(path, f"cannot be written: there is no folder '{folder}'; make it, or name one that exists")
-    finish_writing(path.resolve().parent)
-    if path.is_dir():
-        raise FileError(path, "cannot be written: it is a folder; name a file in it")
-    if sys.platform == "win32" and (reason := elsewhere_on_windows(path.name)):
-        raise FileError(path, f"cannot be written: {reason}; name another file")
-    if not os.access(folder, os.W_OK):
-        raise FileError(path, f"cannot be written: no permission to write in folder '{folder}'; name another")
-
-
-def _are_one(path: Path, other: Path) -> bool:
-    """Whether two names are one file, through links and other spellings, whether it exists yet or not."""
-    path, other = path.resolve(), other.resolve()
-    if path == other:
-        return True
-    if path.exists() and other.exists():
-        return path.samefile(other)
-    if path.name.casefold() != other.name.casefold() or path.exists() != other.exists():
-        return False
-    folder, beside = path.parent, other.parent
-    if not (folder.is_dir() and beside.is_dir() and folder.samefile(beside)):
-        return False
-    return path.name == other.name or _folds_case(folder)
-
-
-def _folds_case(folder: Path) -> bool:
-    """Whether names that differ in case alone are one file here; seen by trying, for each folder may differ."""
-    import tempfile
-
-    with suppress(OSError), tempfile.NamedTemporaryFile(prefix=".case-", dir=folder) as probe:
-        path = Path(probe.name)
-        return path.with_name(path.name.swapcase()).exists()
-    return False
-
-
-def _check_own(path: Path, command: str, *, force: bool) -> None:
-    """Check that a file is not there, is as the command left it, or may be replaced.
-
-    Raises:
-        FileError: none of these.
-    """
-    if force or not path.is_file():
-        return
-    note = read_note("written", _key(path))
-    with suppress(OSError, KeyError, TypeError):
-        if note.get("command") == command and _digest(path.read_bytes()) in note["sha256"]:
-            return
-    message = f"exists and was not written by taskcal {command}, or was edited since; name another file, or replace it with --force"
-    raise FileError(path, message)
-
-
-def _remember(path: Path, command: str, content: str | bytes) -> None:
-    """Note the digest of a file about to be written, beside that of its present content: a kill in between leaves one of them.
-
-    Where no note can be kept, the next run asks for --force.
-    """
-    note = read_note("written", _key(path))
-    earlier = note.get("sha256") if note.get("command") == command else None
-    digests = [*(earlier[-1:] if isinstance(earlier, list) else []), _digest(content)]
-    keep_note("written", _key(path), {"path": str(path.resolve()), "command": command, "sha256": digests})
-
-
-def _key(path: Path) -> bytes:
-    return os.fsencode(path.resolve())
-
-
-def _digest(content: str | bytes) -> str:
-    import hashlib
-
-    return hashlib.sha256(to_bytes(content)).hexdigest()

@@ -2,11 +2,12 @@
 
 from taskcal.correction.cell import Measured as Measured
 from taskcal.correction.controller import JointMotion as JointMotion
+from taskcal.correction.controller import read_controller as read_controller
 from taskcal.correction.controller import with_spins as with_spins
 from taskcal.correction.correction import Deviations as Deviations
+from taskcal.correction.options import PlacementOptions as PlacementOptions
 from taskcal.correction.part_placement import PartPlacements as PartPlacements
 from taskcal.correction.part_placement import PlacedPart as PlacedPart
-from taskcal.correction.part_placement import PlacementOptions as PlacementOptions
 from taskcal.correction.part_placement import Region as Region
 from taskcal.correction.part_placement import place as place
 from taskcal.correction.tool_poses import ToolJoints as ToolJoints

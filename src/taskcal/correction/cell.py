@@ -3,20 +3,21 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 import tomli_w
 from jaxtyping import Float
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from robot_programs.core.program import Diagnostic, Frame, MissingName, Motion, Program
 from robot_programs.languages import language_of
 from taskcal.arguments import checked, repeated
 from taskcal.errors import FileError, TaskcalError
 from taskcal.geometry import se3
+from taskcal.io.codec import InFile, describe, read_brief
 from taskcal.io.files import write_whole
-from taskcal.io.toml_file import Finite, NotNegative, Quaternion, Section, read_toml
+from taskcal.io.toml_file import NotNegative
 from taskcal.short_repr import short_repr
 
 P = TypeVar("P", bound=Program)
@@ -29,19 +30,24 @@ AXES = 6
 """External axes of a target, in RAPID (eax_a … eax_f) as in KRL (E1 … E6)."""
 
 
+def axis_name(number: int) -> str:
+    """Name of an external axis in RAPID and KRL."""
+    return f"external axis {number} (eax_{'abcdef'[number - 1]}, E{number})"
+
+
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExternalAxis:
     """One external axis, as the controller counts it."""
 
-    number: int
+    number: Annotated[int, Field(ge=1, le=AXES)]
     """1 for eax_a and E1."""
     carries: Carries
-    turns: bool = False
-    """It turns, and its positions are degrees; otherwise it slides, and they are millimetres."""
-    direction: Float[np.ndarray, " 3"] | None = None
-    """In which it slides, or about which it turns, of unit length in its frame; None of an axis that carries nothing."""
-    T_frame: Float[np.ndarray, "4 4"] | None = None
+    slides_along: Annotated[Float[np.ndarray, " 3"], se3.DIRECTION] | None = None
+    """Direction of unit length in its frame, in which it slides, by millimetres; None of another."""
+    turns_about: Annotated[Float[np.ndarray, " 3"], se3.DIRECTION] | None = None
+    """The same about which it turns, by degrees. Neither is of an axis that carries nothing."""
+    T_frame: Annotated[Float[np.ndarray, "4 4"], replace(se3.POSE, key="frame")] | None = None
     """Where its frame is with all axes at zero: in the world, or in what the axis before it carries; None for the same place."""
     unit: str = ""
     """Name of its mechanical unit, by which RAPID's work objects call it; empty for whichever they name."""
@@ -49,15 +55,29 @@ class ExternalAxis:
     @property
     def name(self) -> str:
         """Name of the axis in RAPID and KRL."""
-        return f"external axis {self.number} (eax_{'abcdef'[self.number - 1]}, E{self.number})"
+        return axis_name(self.number)
+
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that it moves in one way, if it carries anything."""
+        number, carries, unit = stated["number"], stated["carries"], stated.get("unit")
+        ways = [key for key in ("slides_along", "turns_about") if key in stated]
+        if carries == "nothing" and (ways or "frame" in stated or unit):
+            raise ValueError(f"axis {number} carries nothing: leave out slides_along, turns_about, frame and unit")
+        if carries != "nothing" and len(ways) != 1:
+            raise ValueError(
+                f"axis {number} carries the {carries}: state either slides_along = [x, y, z] or turns_about = [x, y, z]"
+            )
+        if unit and carries != "part":
+            raise ValueError(f"axis {number}: unit is for axes that carry the part")
 
     def motion(self, position: float) -> Float[np.ndarray, "4 4"]:
         """Motion of the carried body from its place at zero, in the axis's frame."""
-        if self.direction is None:
-            return np.eye(4)
-        if self.turns:
-            return se3.pose(se3.exp(self.direction * np.radians(position)), np.zeros(3))
-        return se3.pose(np.eye(3), self.direction * position * 1e-3)
+        if self.turns_about is not None:
+            return se3.pose(se3.exp(self.turns_about * np.radians(position)), np.zeros(3))
+        if self.slides_along is not None:
+            return se3.pose(np.eye(3), self.slides_along * position * 1e-3)
+        return np.eye(4)
 
 
 def carried_robot(axes: Sequence[ExternalAxis], positions: Float[np.ndarray, " axes"]) -> Float[np.ndarray, "4 4"]:
@@ -77,32 +97,60 @@ def carried_part(axes: Sequence[ExternalAxis], positions: Float[np.ndarray, " ax
     return T
 
 
+MIN_POINTS = 3
+"""Points that locate a frame."""
+
+MIN_TIPS = 4
+"""Joint positions with a tip at one point: three would locate it and leave nothing that tells a slip."""
+
+
+@checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
     """Measurement of one tool or part, in at most one of the possible forms, beside the controller's value."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1)]
     """As programs call it."""
-    controller: Float[np.ndarray, "4 4"] | None = None
+    controller: Annotated[Float[np.ndarray, "4 4"], se3.POSE] | None = None
     """The controller's value, where the program's files do not declare it."""
-    in_tracker: Float[np.ndarray, "4 4"] | None = None
+    in_tracker: Annotated[Float[np.ndarray, "4 4"], replace(se3.POSE, key="tracker")] | None = None
     """Pose in the tracker's frame of the calibration, of what stands still."""
-    touched: Float[np.ndarray, "k joints"] | None = None
+    touched: Annotated[Float[np.ndarray, "k joints"], InFile(unit="deg"), Field(min_length=MIN_POINTS)] | None = None
     """Joint positions at which the robot touched the points from which the controller's frame was set, radians."""
     touched_with: str = ""
     """Tool that touched them."""
-    tip: Float[np.ndarray, "k joints"] | None = None
+    tip: Annotated[Float[np.ndarray, "k joints"], InFile(unit="deg"), Field(min_length=MIN_TIPS)] | None = None
     """Joint positions at which the tip of what the robot holds was at one point, each time turned otherwise, radians."""
-    in_flange: Float[np.ndarray, "4 4"] | None = None
+    in_flange: Annotated[Float[np.ndarray, "4 4"], replace(se3.POSE, key="flange")] | None = None
     """True pose in the flange, of what the robot holds."""
-    in_target: Float[np.ndarray, "4 4"] | None = None
+    in_target: Annotated[Float[np.ndarray, "4 4"], replace(se3.POSE, key="target")] | None = None
     """Pose in the frame whose poses were measured, of what the robot holds."""
-    reflectors: Mapping[str, Float[np.ndarray, " 3"]] = field(default_factory=dict[str, np.ndarray])
+    reflectors: Annotated[Mapping[str, Float[np.ndarray, " 3"]], InFile(unit="mm"), Field(min_length=MIN_POINTS)] = (
+        field(default_factory=dict[str, np.ndarray])
+    )
     """Centres of the calibration's reflectors in the frame of what the robot holds, metres."""
-    uncertainty: float = 0.0
+    uncertainty: Annotated[NotNegative, InFile(unit="mm")] = 0.0
     """Standard uncertainty of what was measured, per axis, metres: of each reflector's centre, of the position, or of one touch, of
     which at a tip it is at least what the touches scatter."""
+
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that it is measured in one way, and wholly."""
+        name, ways = stated["name"], ("tracker", "touched_deg", "tip_deg", "flange", "target", "reflectors_mm")
+        given = [key for key in ways if key in stated]
+        if len(given) > 1:
+            raise ValueError(f"'{name}' is measured in one way only: keep one of {' and '.join(given)}")
+        if ("touched_deg" in stated) != bool(stated.get("touched_with")):
+            raise ValueError(f"'{name}': touched_deg and touched_with, the tool that touched, belong together")
+        if "uncertainty_mm" in stated and not given:
+            raise ValueError(f"'{name}': uncertainty_mm is of what is measured: give one of {', '.join(ways)}")
+
+    @property
+    def is_known(self) -> bool:
+        """Whether anything was measured of it; otherwise it is where the controller has it."""
+        given = (self.in_tracker, self.touched, self.tip, self.in_flange, self.in_target)
+        return bool(self.reflectors) or any(one is not None for one in given)
 
 
 @short_repr
@@ -116,6 +164,9 @@ class Cell:
     """Where the robot stands in the world, with all external axes at zero; None where it is not stated."""
     axes: tuple[ExternalAxis, ...] = ()
     """External axes, by number."""
+    controller: Literal["", "nominal", "calibrated"] = ""
+    """With which kinematics the controller computes: those of the calibration's robot file, or its own, as a factory measured them;
+    empty where that is not stated."""
     data: Mapping[str, str] = field(default_factory=dict[str, str])
     """Other data that no file of the program declares, by name, as its language writes their values."""
 
@@ -130,159 +181,50 @@ class Cell:
 
 # The cell file: its schema, and the cell it describes.
 
-MIN_POINTS = 3
-"""Points that locate a frame."""
-
-MIN_TIPS = 4
-"""Joint positions with a tip at one point: three would locate it and leave nothing that tells a slip."""
-
-MIN_DIRECTION = 1e-6
-"""A direction is longer."""
-
-Point = tuple[Finite, Finite, Finite]
-
 MAX_NAMED = 1000
 """Tools of a cell, and parts: a tool changer holds some dozen."""
 
 
-class PoseSection(Section):
-    """A pose."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StatedRobot:
+    """Base of the robot in the world, and the kinematics with which its controller computes."""
 
-    position_mm: Point
-    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
-
-    def pose(self) -> Float[np.ndarray, "4 4"]:
-        """The transform, metres."""
-        return se3.pose(se3.from_quaternion(np.array(self.quaternion)), np.array(self.position_mm) * 1e-3)
+    base: Annotated[Float[np.ndarray, "4 4"], se3.POSE] | None = None
+    controller: Literal["nominal", "calibrated"] | None = None
 
 
-class MeasuredSection(Section):
-    """A tool or a part."""
-
-    name: str = Field(min_length=1)
-    controller: PoseSection | None = None
-    tracker: PoseSection | None = None
-    touched_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_POINTS)] | None = None
-    touched_with: str = ""
-    tip_deg: Annotated[tuple[tuple[Finite, ...], ...], Field(min_length=MIN_TIPS)] | None = None
-    flange: PoseSection | None = None
-    target: PoseSection | None = None
-    reflectors_mm: Annotated[dict[str, Point], Field(min_length=MIN_POINTS)] | None = None
-    uncertainty_mm: NotNegative | None = None
-
-    @model_validator(mode="after")
-    def _measured_once(self) -> Self:
-        options = ("tracker", "touched_deg", "tip_deg", "flange", "target", "reflectors_mm")
-        given = [key for key in options if getattr(self, key) is not None]
-        if len(given) > 1:
-            raise ValueError(f"'{self.name}' is measured in one way only: keep one of {' and '.join(given)}")
-        if (self.touched_deg is None) != (not self.touched_with):
-            raise ValueError(f"'{self.name}': touched_deg and touched_with, the tool that touched, belong together")
-        for key, rows in (("touched_deg", self.touched_deg), ("tip_deg", self.tip_deg)):
-            if len({len(row) for row in rows or ()}) > 1:
-                raise ValueError(f"'{self.name}': the rows of {key} differ in length; each has one angle per joint")
-        if self.uncertainty_mm is not None and not given:
-            raise ValueError(f"'{self.name}': uncertainty_mm is of what is measured: give one of {', '.join(options)}")
-        return self
-
-    def measured(self) -> Measured:
-        """The measurement in metres and radians."""
-
-        def pose(section: PoseSection | None) -> Float[np.ndarray, "4 4"] | None:
-            return None if section is None else section.pose()
-
-        return Measured(
-            name=self.name,
-            controller=pose(self.controller),
-            in_tracker=pose(self.tracker),
-            touched=None if self.touched_deg is None else np.radians(np.array(self.touched_deg)),
-            touched_with=self.touched_with,
-            tip=None if self.tip_deg is None else np.radians(np.array(self.tip_deg)),
-            in_flange=pose(self.flange),
-            in_target=pose(self.target),
-            reflectors={name: np.array(p) * 1e-3 for name, p in (self.reflectors_mm or {}).items()},
-            uncertainty=(self.uncertainty_mm or 0.0) * 1e-3,
-        )
-
-
-class RobotSection(Section):
-    """Base of the robot in the world."""
-
-    base: PoseSection
-
-
-class AxisSection(Section):
-    """An external axis."""
-
-    number: Annotated[int, Field(ge=1, le=AXES)]
-    carries: Carries
-    slides_along: Point | None = None
-    turns_about: Point | None = None
-    frame: PoseSection | None = None
-    unit: str = ""
-
-    @model_validator(mode="after")
-    def _moves_one_way(self) -> Self:
-        ways = [key for key in ("slides_along", "turns_about") if getattr(self, key) is not None]
-        if self.carries == "nothing":
-            if ways or self.frame or self.unit:
-                raise ValueError(
-                    f"axis {self.number} carries nothing: leave out slides_along, turns_about, frame and unit"
-                )
-        elif len(ways) != 1:
-            raise ValueError(
-                f"axis {self.number} carries the {self.carries}: state either slides_along = [x, y, z] or turns_about = [x, y, z]"
-            )
-        elif np.linalg.norm(getattr(self, ways[0])) < MIN_DIRECTION:
-            raise ValueError(f"axis {self.number}: {ways[0]} has no length, so that it is not a direction")
-        if self.unit and self.carries != "part":
-            raise ValueError(f"axis {self.number}: unit is for axes that carry the part")
-        return self
-
-    def axis(self) -> ExternalAxis:
-        """The axis in metres, with a direction of unit length."""
-        way = self.turns_about or self.slides_along
-        return ExternalAxis(
-            number=self.number,
-            carries=self.carries,
-            turns=self.turns_about is not None,
-            direction=None if way is None else np.array(way) / np.linalg.norm(way),
-            T_frame=None if self.frame is None else self.frame.pose(),
-            unit=self.unit,
-        )
-
-
-class DataSection(Section):
+@dataclass(frozen=True, kw_only=True)
+class StatedData:
     """A point, parameter set or number of the program that none of its files declares."""
 
-    name: str = Field(min_length=1)
+    name: Annotated[str, Field(min_length=1)]
     value: str
 
-    @model_validator(mode="after")
-    def _stated(self) -> Self:
-        if not self.value.strip():
-            raise ValueError(f"'{self.name}': value is empty; state it as the controller shows it")
-        return self
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that there is a value."""
+        if not stated["value"].strip():
+            raise ValueError(f"'{stated['name']}': value is empty; state it as the controller shows it")
 
 
-class CellFile(Section):
-    """A cell file."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CellFile:
+    """A cell as its file has it."""
 
-    robot: RobotSection | None = None
-    axis: tuple[AxisSection, ...] = ()
-    tool: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
-    part: Annotated[tuple[MeasuredSection, ...], Field(max_length=MAX_NAMED)] = ()
-    data: Annotated[tuple[DataSection, ...], Field(max_length=MAX_NAMED)] = ()
+    robot: StatedRobot | None = None
+    axis: tuple[ExternalAxis, ...] = ()
+    data: Annotated[tuple[StatedData, ...], Field(max_length=MAX_NAMED)] = ()
+    tool: Annotated[tuple[Measured, ...], Field(max_length=MAX_NAMED)] = ()
+    part: Annotated[tuple[Measured, ...], Field(max_length=MAX_NAMED)] = ()
 
-    @model_validator(mode="after")
-    def _names(self) -> Self:
-        for kind, sections in (("tools", self.tool), ("parts", self.part), ("data", self.data)):
-            names = [section.name.casefold() for section in sections]
-            if twice := repeated(names):
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that nothing is stated twice."""
+        for key, kind in (("tool", "tools"), ("part", "parts"), ("data", "data")):
+            if twice := repeated(one.name.casefold() for one in stated.get(key, ())):
                 raise ValueError(f"two {kind} are named '{twice[0]}'")
-        if twice := repeated(section.number for section in self.axis):
+        if twice := repeated(one.number for one in stated.get("axis", ())):
             raise ValueError(f"axis {twice[0]} is stated twice")
-        return self
 
 
 @checked
@@ -293,13 +235,15 @@ def load_cell(path: str | Path) -> Cell:
         FileError: it is missing, no TOML, or not a cell file; or a tool that touched is not in it.
     """
     path = Path(path)
-    content = read_toml(path, CellFile)
+    content = read_brief(path, CellFile)
+    robot = content.robot or StatedRobot()
     cell = Cell(
-        tools={section.name.casefold(): section.measured() for section in content.tool},
-        parts={section.name.casefold(): section.measured() for section in content.part},
-        T_world_base=None if content.robot is None else content.robot.base.pose(),
-        axes=tuple(section.axis() for section in sorted(content.axis, key=lambda section: section.number)),
-        data={section.name: section.value for section in content.data},
+        tools={one.name.casefold(): one for one in content.tool},
+        parts={one.name.casefold(): one for one in content.part},
+        T_world_base=robot.base,
+        controller=robot.controller or "",
+        axes=tuple(sorted(content.axis, key=lambda axis: axis.number)),
+        data={one.name: one.value for one in content.data},
     )
     for part in cell.parts.values():
         toucher = part.touched_with.casefold()
@@ -324,16 +268,15 @@ def write_cell(path: str | Path, cell: Cell) -> None:
 
 def cell_text(cell: Cell) -> str:
     """Text of a cell file."""
-    sections = {
-        kind: [_section(measured) for measured in among.values()]
-        for kind, among in (("tool", cell.tools), ("part", cell.parts))
-    }
-    own: dict[str, object] = {} if cell.T_world_base is None else {"robot": {"base": _pose(cell.T_world_base)}}
-    if cell.axes:
-        own["axis"] = [_axis(axis) for axis in cell.axes]
-    if cell.data:
-        own["data"] = [{"name": name, "value": value} for name, value in cell.data.items()]
-    return tomli_w.dumps({**own, **{kind: tables for kind, tables in sections.items() if tables}})
+    robot = StatedRobot(base=cell.T_world_base, controller=cell.controller or None)
+    content = CellFile(
+        robot=None if cell.T_world_base is None and not cell.controller else robot,
+        axis=cell.axes,
+        data=tuple(StatedData(name=name, value=value) for name, value in cell.data.items()),
+        tool=tuple(cell.tools.values()),
+        part=tuple(cell.parts.values()),
+    )
+    return tomli_w.dumps(describe(content, brief=True))
 
 
 UNFILLED = 'controller = { position_mm = ["x", "y", "z"], quaternion = ["qx", "qy", "qz", "qw"] }'
@@ -361,43 +304,6 @@ def given_frames(cell: Cell) -> tuple[dict[str, Frame], dict[str, Frame]]:
         for among in (cell.tools, cell.parts)
     )
     return tools, parts
-
-
-def _pose(T: Float[np.ndarray, "4 4"]) -> dict[str, object]:
-    return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
-
-
-def _axis(axis: ExternalAxis) -> dict[str, object]:
-    out: dict[str, object] = {"number": axis.number, "carries": axis.carries}
-    if axis.direction is not None:
-        out["turns_about" if axis.turns else "slides_along"] = axis.direction.tolist()
-    if axis.T_frame is not None:
-        out["frame"] = _pose(axis.T_frame)
-    if axis.unit:
-        out["unit"] = axis.unit
-    return out
-
-
-def _section(measured: Measured) -> dict[str, object]:
-    out: dict[str, object] = {"name": measured.name}
-    poses = {
-        "controller": measured.controller,
-        "tracker": measured.in_tracker,
-        "flange": measured.in_flange,
-        "target": measured.in_target,
-    }
-    for key, T in poses.items():
-        if T is not None:
-            out[key] = _pose(T)
-    if measured.touched is not None:
-        out |= {"touched_deg": np.degrees(measured.touched).tolist(), "touched_with": measured.touched_with}
-    if measured.tip is not None:
-        out["tip_deg"] = np.degrees(measured.tip).tolist()
-    if measured.reflectors:
-        out["reflectors_mm"] = {name: (p * 1e3).tolist() for name, p in measured.reflectors.items()}
-    if measured.uncertainty:
-        out["uncertainty_mm"] = measured.uncertainty * 1e3
-    return out
 
 
 # A program's motions, counted in the robot's base.
@@ -459,7 +365,7 @@ def mount(program: Program, cell: Cell) -> Mounted:
             if follows in refused or any(
                 positions[i][a.number - 1] != positions[follows][a.number - 1] for a in relevant
             ):
-                mounted = replace(mounted, follows=None)
+                mounted = replace(mounted, follows=None, begins_at_motion=follows not in refused)
         if mounted.follows != follows and follows not in refused:
             text = "an external axis moves robot or part along it: corrected at its points, not looked at between them"
             diagnostics.append(Diagnostic(place=move.place, text=text))
@@ -546,9 +452,9 @@ class _Mounting:
                 f'name = "{move.tool.name}", controller = {{ position_mm = …, quaternion = … }}'
             )
         known = {axis.number: axis for axis in self.cell.axes}
-        for k in np.flatnonzero(np.nan_to_num(positions)):
-            if int(k) + 1 not in known:
-                name = ExternalAxis(number=int(k) + 1, carries="nothing").name
+        for k in np.flatnonzero(np.nan_to_num(positions)).tolist():
+            if k + 1 not in known:
+                name = axis_name(k + 1)
                 return (
                     f"{name} is away from zero, and the cell file does not say what it carries; write [[axis]] number = {k + 1}, "
                     'carries = "nothing", or "robot" or "part" with slides_along or turns_about = [x, y, z]'
@@ -559,10 +465,10 @@ class _Mounting:
                 'number = …, carries = "part", turns_about or slides_along = [x, y, z], and frame, its place at zero'
             )
         if move.external_offset:
-            for k in np.flatnonzero(~np.isnan(positions)):
-                axis = known.get(int(k) + 1)
+            for k in np.flatnonzero(~np.isnan(positions)).tolist():
+                axis = known.get(k + 1)
                 if axis is None or axis.carries != "nothing":
-                    name = ExternalAxis(number=int(k) + 1, carries="nothing").name
+                    name = axis_name(k + 1)
                     return (
                         f"{name} may be shifted from where the text has it ({move.external_offset}), so that it is not known where "
                         'robot and part are; write [[axis]] carries = "nothing" if it carries neither, or write the positions '

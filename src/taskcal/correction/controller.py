@@ -1,26 +1,156 @@
-"""The nominal controller: open spins of a program, the joint positions to which it moves, how fast, and in which direction."""
+"""The nominal controller: its kinematics, open spins, the joints to which it moves, how fast, and in which direction."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robot_programs.core.program import GradedPosture, Motion, Posture, Program, Target
+from robot_programs.core.program import GradedPosture, Language, Motion, Posture, Program, Target
+from taskcal.correction.cell import Cell
 from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
-from taskcal.errors import ReachError
+from taskcal.errors import FileError, ReachError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ANY_MISS, conditioning, find_postures, freedom_of, solve_near
 from taskcal.kinematics.spin import about_z, choose_spin
-from taskcal.kinematics.tracing import NOT_TURNED, Outcome, rejections, trace, turned
+from taskcal.kinematics.tracing import NOT_TURNED, Outcome, Traced, rejections, trace, turned
+from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot
 from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, drive_motion
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.importers.ur import arm_rows
 from taskcal.robot.robot import Robot
+from taskcal.robot.robot_file import robot_from
 from taskcal.short_repr import short_repr
 
 P = TypeVar("P", bound=Program)
+
+# The kinematics with which a controller computes, where they are not those of the robot file.
+
+MAX_FACTORY_M = 0.02
+"""Farthest that a factory's kinematics put a flange from where the robot file has it, metres: they differ by some millimetres, and
+two types of arms by more than this."""
+
+COMPARED_POSES = 40
+"""At which two kinematics are compared."""
+
+
+def read_controller(path: str | Path, robot: Robot) -> Robot:
+    """A robot as its controller computes with it: with the kinematics that the factory measured of a UR's arm.
+
+    Args:
+        path: ``calibration.conf`` of the controller, or a program that was saved on it (``.urp``).
+        robot: of the calibration, by whatever robot file; limits, speeds and the tool are its own.
+
+    Raises:
+        FileError: the file does not state such kinematics, or not those of a robot of this type.
+    """
+    rows = arm_rows(path)
+    if len(robot.joints) != 6 or any(robot.prismatic) or robot.description.get("four_bar"):
+        raise FileError(path, f"has the kinematics of a UR, and the calibration is of {robot.name}: leave it out")
+    nominals: list[Robot | None] = [None]
+    if any(key.startswith("delta_") for key in rows):
+        named = [load_robot(name) for name in catalogue_names() if name.startswith("ur")]
+        nominals = [one for one in (robot, *named) if _is_nominal_table(one)]
+    made = [_with_table(robot, describe_robot(path, nominal=nominal)) for nominal in nominals]
+    apart = [kinematics_apart(robot, one) for one in made]
+    best = int(np.argmin(apart)) if apart else 0
+    if not apart or apart[best] > MAX_FACTORY_M:
+        off = f"its flange is up to {apart[best] * 1e3:.0f} mm from" if apart else "no nominal table fits"
+        raise FileError(path, f"is not of a {robot.name}: {off} where the calibration's robot file has it")
+    return made[best]
+
+
+def _is_nominal_table(robot: Robot) -> bool:
+    """Whether a robot has the table that a catalogue prints, to which deltas can be added: of right angles, without offsets."""
+    joints = robot.description["joint"]
+    return len(joints) == len(robot.joints) == 6 and all(
+        "dh" in joint and joint["dh"].get("alpha_deg", 0.0) % 90.0 == 0.0 and not joint.get("offset_deg")
+        for joint in joints
+    )
+
+
+def _with_table(robot: Robot, described: Mapping[str, Any]) -> Robot:
+    """A robot with the table of another description."""
+    own = robot.description
+    joints = [
+        {key: value for key, value in joint.items() if key not in ("steps", "mdh")}
+        | {key: table[key] for key in ("dh", "offset_deg")}
+        for joint, table in zip(own["joint"], described["joint"], strict=False)
+    ]
+    return robot_from({**own, "joint": joints, "source": described["source"]})
+
+
+def kinematics_apart(robot: Robot, other: Robot) -> float:
+    """Farthest that two robots of as many joints put the flange from each other, metres; infinite for another number of joints."""
+    if len(robot.joints) != len(other.joints):
+        return np.inf
+    lower, upper = robot.bounded_limits().T
+    q = np.random.default_rng(0).uniform(lower, upper, size=(COMPARED_POSES, len(robot.joints)))
+    places = [(one.tool_poses(q) @ se3.inverse(one.T_flange_tool))[:, :3, 3] for one in (robot, other)]
+    return float(np.linalg.norm(places[0] - places[1], axis=1).max())
+
+
+ABSOLUTE = "ABB's Absolute Accuracy, KUKA's absolutely accurate robot model, FANUC's factory calibration"
+
+
+def check_controller(robot: Robot, cell: Cell, controller: Robot | None) -> None:
+    """See that what is stated of a controller's kinematics goes together, and that they are known.
+
+    Args:
+        robot: of the calibration.
+        cell: its ``controller`` says with which kinematics the controller computes.
+        controller: the robot with the controller's own kinematics, where these are given.
+
+    Raises:
+        TaskcalError: they do not, or are not.
+    """
+    if controller is not None and cell.controller == "nominal":
+        raise TaskcalError(
+            "the controller is stated to compute with nominal dimensions, and kinematics of its own are given: keep one of them"
+        )
+    if controller is not None and len(controller.joints) != len(robot.joints):
+        raise TaskcalError(
+            f"the controller's robot has {len(controller.joints)} joints, and {robot.name} {len(robot.joints)}"
+        )
+    if controller is None and cell.controller == "calibrated":
+        raise TaskcalError(
+            "the cell file states that the controller computes with kinematics that a factory measured, which are not known here: "
+            f"give those of a UR (--controller-kinematics); switch others off ({ABSOLUTE}), and state [robot] controller = "
+            '"nominal"'
+        )
+
+
+def ask_for_controller(language: Language, robot: Robot, cell: Cell, controller: Robot | None) -> str:
+    """What to state where a language's controllers have kinematics of their own, and nothing says with which one computes."""
+    if not language.controller_kinematics or controller is not None or cell.controller:
+        return ""
+    return (
+        f"a controller of {language.name} computes with the kinematics that the factory measured of its own arm, often millimetres "
+        f"from nominal ones; name them (--controller-kinematics FILE: {language.controller_kinematics}), or state that it computes "
+        f'with the dimensions of {robot.name} in the calibration (--nominal-controller, or [robot] controller = "nominal" in the '
+        "cell file)"
+    )
+
+
+def state_controller(robot: Robot, cell: Cell, controller: Robot | None) -> str:
+    """For which controller a correction is, and whether that is stated; arguments as of `check_controller`."""
+    if controller is not None:
+        apart = kinematics_apart(robot, controller) * 1e3
+        return (
+            f"a controller that computes with kinematics of its own ({controller.description['source'][0]}), up to {apart:.2f} mm "
+            f"from those of {robot.name} in the calibration"
+        )
+    nominal = f"a controller that computes with the nominal lengths of {robot.name}, as its robot file has them"
+    if cell.controller:
+        return f"{nominal}, which is stated"
+    return (
+        f'{nominal}, which is assumed: state [robot] controller = "nominal" in the cell file, or "calibrated" if a factory '
+        f"calibration is switched on ({ABSOLUTE})"
+    )
+
 
 # Spins of targets that leave them open.
 
@@ -126,6 +256,8 @@ class ControllerTrajectory:
     """Those among them that lead where the robot does not reach in any posture."""
     warnings: dict[int, str]
     """Motions whose posture data disagree with where the path leads."""
+    open_postures: Mapping[int, Float[np.ndarray, " joints"]]
+    """Motions that several postures may reach, which are corrected alike, with the one that is corrected most unlike the others."""
     move: Int[np.ndarray, " k"]
     """Motion of every sample along lines and arcs whose start is known, in order; the last one of each is where it ends."""
     share: Float[np.ndarray, " k"]
@@ -145,6 +277,7 @@ def simulate_controller(
     motions: Sequence[Motion],
     refused: Mapping[int, str] | None = None,
     near: Float[np.ndarray, "m joints"] | None = None,
+    corrects: "CorrectsIn | None" = None,
 ) -> ControllerTrajectory:
     """Simulate the nominal controller executing a program.
 
@@ -154,9 +287,31 @@ def simulate_controller(
         refused: motions of which it is not known where they lead, and why.
         near: where motions end whose targets state no posture, about, radians; NaN where that is not known. By default in the
             posture that is nearest to the one before, and at first in the best one.
+        corrects: what the correction is in a posture. Where it is given, no posture is chosen that the program leaves to the
+            controller: the motion is rejected, unless all that are possible are corrected alike.
     """
     nowhere = np.full((len(motions), len(robot.joints)), np.nan)
-    return _Simulation(robot, motions, dict(refused or {}), nowhere if near is None else near).run()
+    refused = dict(refused or {})
+    while True:
+        simulation = _Simulation(robot, motions, dict(refused), nowhere if near is None else near, corrects)
+        trajectory = simulation.run()
+        more = simulation.unsettled()
+        if not more:
+            return trajectory
+        refused |= dict.fromkeys(more, UNKNOWN_BEGINNING)
+
+
+CorrectsIn = Callable[[int, Float[np.ndarray, "k joints"]], Float[np.ndarray, "k points 4 4"]]
+"""From the number of a motion and postures that reach it to the corrected poses of its points; NaN where one has none."""
+
+ALIKE_M, ALIKE_ARM_M = 2e-5, 0.1
+"""Corrected poses are alike whose points, on the tool's tip and so far from it, differ by less: as paths do between targets."""
+
+STATE_IT = "state it (URScript: qnear; KRL: S and T), or go to joint positions right before it"
+UNKNOWN_POSTURE = "the text does not tell in which posture the robot reaches it"
+UNKNOWN_BEGINNING = (
+    f"{UNKNOWN_POSTURE}: it begins in several places, from which it is reached in different ones; {STATE_IT}"
+)
 
 
 MIN_STRETCH, MAX_STRETCH = 8, 16_384
@@ -178,9 +333,14 @@ class _Simulation:
     """One run through a program; motions that follow each other along lines and arcs are traced together."""
 
     def __init__(
-        self, robot: Robot, motions: Sequence[Motion], refused: dict[int, str], near: Float[np.ndarray, "m joints"]
+        self,
+        robot: Robot,
+        motions: Sequence[Motion],
+        refused: dict[int, str],
+        near: Float[np.ndarray, "m joints"],
+        corrects: CorrectsIn | None,
     ):
-        self.robot, self.motions, self.near = robot, motions, near
+        self.robot, self.motions, self.near, self.corrects = robot, motions, near, corrects
         self.model = ErrorModel(robot)
         self.nominal = Placed.nominal(robot, motions)
         m, joints = len(motions), len(robot.joints)
@@ -190,6 +350,13 @@ class _Simulation:
         self.warnings: dict[int, str] = {}
         self.samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         self.last: np.ndarray | None = None
+        self.open: dict[int, np.ndarray] = {}
+        self.untold: set[int] = set()
+        """Motions of which the text does not tell the posture."""
+        self.by_others: dict[int, np.ndarray] = {}
+        """Motions whose posture follows from all places where others end, with the possible ones."""
+        self.all_known = not refused
+        """Whether it is known of all motions where they lead."""
         self.in_vain = 0
         """Poses so far that were looked for in all postures, and not reached."""
         self.stretch = MAX_STRETCH
@@ -199,21 +366,49 @@ class _Simulation:
 
     def run(self) -> ControllerTrajectory:
         joints = len(self.robot.joints)
-        i = 0
-        while i < len(self.motions):
+        done = np.zeros(len(self.motions), dtype=bool)
+
+        def begins(i: int) -> bool:
             previous = self.motions[i].follows
-            if previous is not None:
-                self.start[i] = self.end[previous]
-            if self._is_path(i):
-                i = self._trace(i)
-                continue
-            if i not in self.rejected and np.isnan(self.end[i, 0]):
-                self._solve_pose(i)
-            if i not in self.rejected:
-                self.last = self.end[i]
-            i += 1
+            return previous is None or bool(done[previous])
+
+        for ready in (lambda i: begins(i) and not self._waits(i), begins, lambda _: True):
+            while self._take_all(done, ready):
+                pass
         parts = self.samples or [(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, joints)))]
-        return self._round_corners(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        move, share, q = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.argsort(move, kind="stable")
+        return self._round_corners(move[order], share[order], q[order])
+
+    def _take_all(self, done: Bool[np.ndarray, " m"], ready: Callable[[int], bool]) -> bool:
+        """Go through motions that are ready, in the order of the text; whether there was one."""
+        i, before = 0, int(done.sum())
+        while i < len(self.motions):
+            if done[i] or not ready(i):
+                i += 1
+                continue
+            stop = self._take(i)
+            done[i:stop] = True
+            i = stop
+        return int(done.sum()) > before
+
+    def _take(self, i: int) -> int:
+        """Go through a motion, and those that continue it; returns the motion to go on with."""
+        previous = self.motions[i].follows
+        if previous is not None and previous not in self.open:
+            self.start[i] = self.end[previous]
+        if self._is_path(i):
+            return self._trace(i)
+        if i not in self.rejected and np.isnan(self.end[i, 0]):
+            self._solve_pose(i)
+        if i not in self.rejected:
+            self.last = self.end[i]
+        return i + 1
+
+    def _waits(self, i: int) -> bool:
+        """Whether the posture of a motion follows from where all others end."""
+        move = self.motions[i]
+        return self.corrects is not None and move.begins_at_motion and move.end.q is None and move.end.posture is None
 
     def _round_corners(
         self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"], q: Float[np.ndarray, "k joints"]
@@ -252,6 +447,7 @@ class _Simulation:
             segments=self.segments,
             corners=corners,
             rejected=self.rejected,
+            open_postures=self.open,
             out_of_reach=tuple(self.out_of_reach),
             warnings=self.warnings,
             move=move,
@@ -338,9 +534,7 @@ class _Simulation:
         ):
             stop += 1
         rows = np.arange(first, stop)
-        turn = np.linalg.norm(self.segments.turn[rows], axis=1)
-        steps = np.ceil(np.maximum(self.segments.length[rows] / MAX_STEP_M, turn / MAX_STEP_RAD)).astype(int)
-        steps = np.maximum(steps, 2)
+        steps = _steps(self.segments.length[rows], self.segments.turn[rows])
         move = np.repeat(rows, steps)
         last = np.cumsum(steps) - 1
         number = np.arange(len(move)) - np.repeat(last + 1 - steps, steps) + 1
@@ -376,6 +570,9 @@ class _Simulation:
             self._reject_as_lost(i, UNSOUGHT)
             return
         T = self.nominal.robot_tool(np.array([i]), self.segments.end[[i]])[0]
+        if self.corrects is not None and np.isnan(self.start[i, 0]):
+            self._settle(i, T, self.corrects)
+            return
         if move.end.posture is None and np.isfinite(self.near[i, 0]):
             seed = self.near[i]
         else:
@@ -387,20 +584,102 @@ class _Simulation:
             if len(near) and _agrees(self.robot, move.end, near)[0]:
                 self.end[i] = near[0]
                 return
-        try:
-            postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
-        except ReachError:
-            self.in_vain += 1
-            self._reject_as_lost(i, self._why_lost(T))
-            return
-        agreeing = postures[_agrees(self.robot, move.end, postures)]
+        agreeing = self._agreeing(i, T)
         if not len(agreeing):
-            self._take_nearest(i, postures)
             return
         if seed is None:
             self.end[i] = agreeing[0]
         else:
             self.end[i] = agreeing[np.argmin(np.abs(agreeing - seed).max(axis=1))]
+
+    def _agreeing(self, i: int, T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "k joints"]:
+        """Postures that reach a pose and are those that its target states; of one that is not reached, its end is found or not."""
+        try:
+            postures = np.concatenate([turned(self.robot, q) for q in find_postures(self.model, T)])
+        except ReachError:
+            self.in_vain += 1
+            self._reject_as_lost(i, self._why_lost(T))
+            return np.zeros((0, len(self.robot.joints)))
+        agreeing = postures[_agrees(self.robot, self.motions[i].end, postures)]
+        if not len(agreeing):
+            self._take_nearest(i, postures)
+        return agreeing
+
+    def _settle(self, i: int, T: Float[np.ndarray, "4 4"], corrects: CorrectsIn) -> None:
+        """Find the posture of a pose to which it is not known from where: the only one, or any if all are corrected alike."""
+        move, stated = self.motions[i], self.motions[i].end.posture is not None
+        if not stated and move.follows in self.untold:
+            before = self.motions[move.follows].place.line
+            self._reject_as_untold(i, f", as that of the motion before it, in line {before}, is not known; {STATE_IT}")
+            return
+        agreeing = self._agreeing(i, T)
+        if not len(agreeing):
+            return
+        agreeing = agreeing[np.sort(np.unique(np.round(agreeing, SAME_JOINTS_DIGITS), axis=0, return_index=True)[1])]
+        if self._waits(i):
+            from_others = self._from_others(i, agreeing)
+            if from_others is not None:
+                self.end[i] = from_others
+                self.by_others[i] = agreeing
+                return
+        if len(agreeing) == 1:
+            self.end[i] = agreeing[0]
+            return
+        apart = _distances(corrects(i, agreeing))
+        middle = int(np.argmin(apart.max(axis=1)))
+        if freedom_of(self.model).rank < len(self.robot.joints) or not apart[middle].max() < ALIKE_M:
+            unlike = f": the corrections of those possible differ by up to {apart.max() * 1e3:.3g} mm"
+            self._reject_as_untold(i, f"{unlike if np.isfinite(apart).all() else ''}; {STATE_IT}")
+            return
+        self.end[i], self.open[i] = agreeing[middle], agreeing[int(np.argmax(apart[middle]))]
+
+    def _reject_as_untold(self, i: int, why: str) -> None:
+        self.rejected[i] = f"{UNKNOWN_POSTURE}{why}"
+        self.untold.add(i)
+
+    def _from_others(self, i: int, postures: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, " joints"] | None:
+        """Joint positions at the end of a motion that begins where any other ends; None where they differ, or are not known."""
+        others = np.unique(np.round(self.end[np.isfinite(self.end[:, 0])], SAME_JOINTS_DIGITS), axis=0)
+        if not self.all_known or self.untold or self.open or not len(others):
+            return None
+        if self.motions[i].kind == "joint":
+            found = postures[[int(np.linalg.norm(postures - q, axis=1).argmin()) for q in others]]
+        else:
+            found = self._ends_of_lines(i, others)
+        return found[0] if len(found) and np.abs(found - found[0]).max() < SAME_JOINTS_RAD else None
+
+    def _ends_of_lines(self, i: int, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "r joints"]:
+        """Joint positions to which a line or an arc leads from some, as far as it can be followed from there."""
+        rows, own = np.full(len(q), i), self.segments
+        segments = Segments(
+            start=self.nominal.tool_in_part(rows, np.zeros(len(q)), q), end=own.end[rows], via=own.via[rows]
+        )
+        steps = _steps(segments.length, segments.turn)
+
+        def traced(k: Int[np.ndarray, " n"], share: Float[np.ndarray, " n"], start: np.ndarray) -> Traced:
+            return trace(self.model, self.nominal.robot_tool(np.full(len(k), i), segments.at(k, share)), start)
+
+        def single(k: int) -> Float[np.ndarray, "r joints"]:
+            found = traced(np.full(steps[k], k), np.arange(1, steps[k] + 1) / steps[k], q[k])
+            return found.q[-1:] if found.reached.all() else q[:0]
+
+        first = single(0)
+        if len(first) and len(q) > 1:  # back from its end to every other place and there again, all at once
+            way = [np.abs(np.arange(2 * n) + 1 - n) / n for n in steps.tolist()]
+            number = np.repeat(np.arange(len(q)), 2 * steps)
+            found = traced(number, np.concatenate(way), first[0])
+            turns = np.cumsum(2 * steps) - steps - 1
+            if found.reached.all() and np.abs(found.q[turns] - q).max() < SAME_JOINTS_RAD:
+                return found.q[turns + steps]
+        return np.concatenate([first, *map(single, range(1, len(q)))])
+
+    def unsettled(self) -> list[int]:
+        """Motions whose posture does not follow from the places where all others end, when these are known."""
+        return [
+            i
+            for i, postures in self.by_others.items()
+            if (q := self._from_others(i, postures)) is None or np.abs(q - self.end[i]).max() > SAME_JOINTS_RAD
+        ]
 
     def _reject_as_lost(self, i: int, why: str = UNREACHABLE) -> None:
         self.rejected[i] = why
@@ -456,6 +735,24 @@ class _Simulation:
         for posture, rows in stated.items():
             for i in np.array(rows)[~posture.agrees(self.robot, self.end[rows])]:
                 self.warnings[int(i)] = f"says posture {posture}, but the path leads there in another"
+
+
+SAME_JOINTS_DIGITS, SAME_JOINTS_RAD = 6, 1e-5
+"""Joint positions that agree to so many digits, and within so much, radians or metres, are one."""
+
+
+def _steps(length: Float[np.ndarray, " k"], turn: Float[np.ndarray, "k 3"]) -> Int[np.ndarray, " k"]:
+    """In how many steps segments are followed, at least in two."""
+    steps = np.maximum(length / MAX_STEP_M, np.linalg.norm(turn, axis=1) / MAX_STEP_RAD)
+    return np.maximum(np.ceil(steps).astype(np.int64), 2)
+
+
+def _distances(T: Float[np.ndarray, "k points 4 4"]) -> Float[np.ndarray, "k k"]:
+    """Largest distance of each of some sets of poses from each other one, metres; infinite where a pose is not known."""
+    p = T[..., :3, 3]
+    points = np.stack([p, *(p + ALIKE_ARM_M * T[..., :3, j] for j in range(3))], axis=2).reshape(len(T), -1, 3)
+    apart = np.array([np.linalg.norm(points - own, axis=2).max(axis=1) for own in points])
+    return np.where(np.isfinite(apart), apart, np.inf)
 
 
 def _agrees(robot: Robot, target: Target, q: Float[np.ndarray, "n joints"]) -> np.ndarray:
@@ -540,18 +837,14 @@ def joint_motion(robot: Robot, motions: Sequence[Motion], trajectory: Controller
     ends = np.isfinite(trajectory.end[:, 0])
     move = np.concatenate([i, np.flatnonzero(ends)])
     q = np.concatenate([trajectory.q, trajectory.passes[ends]])
-    if not len(q):
-        return JointMotion(
-            robot=robot, speed=speed, acceleration=acceleration, conditioning=np.inf, nearest_singular=None
-        )
-    ratio = conditioning(ErrorModel(robot), q)
+    ratio = conditioning(ErrorModel(robot), q) if len(q) else np.array([np.inf])
     nearest = int(np.argmin(ratio))
     return JointMotion(
         robot=robot,
         speed=speed,
         acceleration=acceleration,
         conditioning=float(ratio[nearest]),
-        nearest_singular=int(move[nearest]),
+        nearest_singular=int(move[nearest]) if len(q) else None,
         turn_speed_assumed=assumed,
     )
 
@@ -609,6 +902,10 @@ class DriveDirections:
             return Conditions(approach=np.zeros((len(place), self.approach.shape[1])))
         columns = [np.interp(place, self.place, column) for column in self.approach.T]
         return Conditions(approach=np.stack(columns, axis=1))
+
+    def at_ends(self, count: int) -> Conditions:
+        """The conditions at the ends of so many motions, all of the program."""
+        return self.at(np.arange(count), np.ones(count))
 
 
 def uses_directions(model: ErrorModel) -> bool:

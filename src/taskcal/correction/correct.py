@@ -1,57 +1,51 @@
 """Correcting a program: every target becomes the pose at which a nominal controller moves to the joints the true robot needs."""
 
-from collections.abc import Callable, Container, Hashable, Mapping, Sequence, Set
+from collections.abc import Callable, Container, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from robot_programs.core.program import (
-    Diagnostic,
-    Motion,
-    Program,
-    Visit,
-    Waypoint,
-    Wrapping,
-    keep_together,
-    missing_names,
-)
-from robot_programs.core.source import Place, Source, uncollected
+from robot_programs.core.plan import Conflict, Plan, Wanted, plan
+from robot_programs.core.program import Diagnostic, Motion, Program, Waypoint, missing_names
+from robot_programs.core.source import Place, uncollected
 from robot_programs.languages import language_of
 from robot_programs.reading import compose_program, parse_program
 from taskcal.arguments import checked
 from taskcal.correction.cell import Cell, ask_for_base, base_statement, mount
 from taskcal.correction.controller import (
     TURN_SPEED_RAD_S,
+    UNKNOWN_POSTURE,
     UNREACHABLE,
     UNSOUGHT,
     ControllerTrajectory,
+    CorrectsIn,
     JointMotion,
+    ask_for_controller,
+    check_controller,
     drive_directions,
     joint_motion,
+    kinematics_apart,
     simulate_controller,
+    state_controller,
     uses_directions,
     with_spins,
     with_spins_near,
 )
-from taskcal.correction.correction import (
-    SHARE_OF_UNCERTAINTY,
-    TOLERANCE,
-    Bounds,
-    Correction,
-    assess,
-    budget_of,
-)
-from taskcal.correction.frames import Uncertainty, frames_on, place_motions, uncertainty_at
-from taskcal.correction.path import RoundedPath
-from taskcal.correction.run_time import helper_for
+from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Correction, assess, budget_of
+from taskcal.correction.frames import FrameCalibration, Uncertainty, frames_on, place_motions, uncertainty_at
+from taskcal.correction.options import Bounds
+from taskcal.correction.path import Placed, RoundedPath
+from taskcal.correction.run_time import SAME_M, helper_for
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
-from taskcal.errors import TaskcalError
+from taskcal.correction.tool_poses import solve_calibrated
+from taskcal.errors import TaskcalError, listed
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import MeasuredRange
-from taskcal.identification.uncertainty_budget import check_known
+from taskcal.identification.uncertainty_budget import refuse_unknown, why_unknown
 from taskcal.kinematics.inverse import closes, conditioning
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
@@ -153,72 +147,6 @@ MIN_SHIFT_M, MIN_TURN_RAD = 1e-7, 1e-7
 """A target that moves and turns by less keeps its text: programs state a thousandth of a millimetre."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Chosen:
-    """What is written."""
-
-    waypoints: Mapping[int, tuple[Waypoint, ...]]
-    """By number of the motion."""
-    rejected: dict[int, str]
-    """Motions left unchanged, with the reason."""
-    of_text: frozenset[int]
-    """Those of them that others share their text with."""
-    eased: Mapping[int, float]
-    """Motions whose numbers are others' as well, with the distance of the value for all of them from their own, metres."""
-
-
-def choose_waypoints(
-    problem: CorrectionProblem,
-    subdivision: Subdivision,
-    changes: TargetChanges,
-    bounds: Bounds,
-    *,
-    keep_joints: bool,
-    program: Program | None,
-    visits: Sequence[Visit] | None = None,
-) -> Chosen:
-    """Choose the waypoints to write, and the motions that are left unchanged.
-
-    Where motions share their numbers and need different ones, all get the value of the least largest error, if that is within the
-    tolerance.
-
-    Args:
-        problem: what is corrected.
-        subdivision: as corrected.
-        changes: how far that moves the targets.
-        bounds: how far they may be moved.
-        keep_joints: leave motions to joint positions as they are.
-        program: the one whose own text is rewritten; None where a new one is written.
-        visits: of the program, where its own text does not tell them.
-    """
-    motions, robot = problem.motions, problem.robot
-    joint_motions = {i for i, move in enumerate(motions) if keep_joints and move.kind == "axes"}
-    found = problem.trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
-    rejected = {i: why for i, why in found.items() if i not in joint_motions}
-    waypoints = _waypoints(motions, subdivision, changes, joint_motions | rejected.keys())
-    of_text, eased = set[int](), dict[int, tuple[Waypoint, ...]]()
-    exact = dict(waypoints)
-    if program is not None:
-        visits = tuple(program.visits()) if visits is None else visits
-        while True:
-            more = program.unwritable(robot, waypoints, subdivision.tolerance)
-            if more and not of_text and not eased:
-                eased = program.least_worst(robot, waypoints, more, subdivision.tolerance)
-                waypoints |= eased
-                more = program.unwritable(robot, waypoints, subdivision.tolerance) if eased else more
-            of_text.update(more)
-            more = more or keep_together(visits, rejected, waypoints)
-            more = more or keep_paths(
-                motions, of_text & rejected.keys(), waypoints, changes.shift, subdivision.tolerance
-            )
-            if not more:
-                break
-            rejected |= more
-            waypoints = {i: path for i, path in waypoints.items() if i not in more}
-    off = {i: _distance(exact[i][0], eased[i][0]) for i in eased if i in waypoints}
-    return Chosen(waypoints=waypoints, rejected=rejected, of_text=frozenset(of_text), eased=off)
-
-
 def keep_paths(
     motions: Sequence[Motion],
     left: Set[int],
@@ -258,12 +186,6 @@ def keep_paths(
         for i, path in enumerate(number)
         if path in stays and i in changing
     }
-
-
-def _distance(one: Waypoint, other: Waypoint) -> float:
-    assert one.T is not None
-    assert other.T is not None
-    return float(np.linalg.norm(one.T[:3, 3] - other.T[:3, 3]))
 
 
 def _waypoints(
@@ -447,22 +369,42 @@ def diagnose_range(
     return [Diagnostic(place=program.motions[int(measured.outside_rows(farthest)[0])].place, text=text)]
 
 
-def diagnose_unchanged_files(program: Program, rejected: Container[int]) -> list[Diagnostic]:
+def diagnose_unchanged_files(
+    program: Program, left: Container[int], at_run_time: Set[Path] = frozenset()
+) -> list[Diagnostic]:
     """Files with motions, of several that are written together, in which none was corrected.
 
     Their text alone does not show it: the numbers of a KRL motion stand in its data list.
+
+    Args:
+        program: as it was given.
+        left: motions that are left as they were.
+        at_run_time: files with motions that are corrected at run time.
     """
     if len(program.sources) < 2:
         return []
     with_motions = {move.place.path for move in program.motions}
-    corrected = {move.place.path for i, move in enumerate(program.motions) if i not in rejected}
+    corrected = {move.place.path for i, move in enumerate(program.motions) if i not in left}
     return [
         Diagnostic(
             place=Place(path=source.path, line=1),
             text="no motion of this file was corrected; it is written with the others as it was read",
         )
         for source in program.sources
-        if source.path in with_motions - corrected
+        if source.path in with_motions - corrected - at_run_time
+    ]
+
+
+def diagnose_written_out(plan: "Plan[CorrectionRequest]") -> list[Diagnostic]:
+    """Files with text that was written out, and how it was."""
+    after = {source.path: source.text.count("\n") for source in plan.wanted.program.sources}
+    return [
+        Diagnostic(
+            place=Place(path=source.path, line=1),
+            text=f"is {more} lines longer: {', and '.join(plan.ways)}, where their motions need different corrections",
+        )
+        for source in plan.given.sources
+        if plan.ways and (more := after[source.path] - source.text.count("\n"))
     ]
 
 
@@ -485,35 +427,44 @@ def diagnose_unused_frames(cell: Cell, program: Program) -> list[Diagnostic]:
 # Corrected motions as a new program, for tool paths that no controller reads as they are.
 
 
-def compose_new_program(
-    into: Path,
-    robot: Robot,
-    program: Program,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-    trajectory: ControllerTrajectory,
-) -> Source:
-    """A new program of the corrected motions.
+def compose_new_program(plan: "Plan[CorrectionRequest]", into: Path, progress: Callable[[str], None]) -> Program:
+    """A new program of the corrected motions, as it is read again.
 
     Raises:
         TaskcalError: the program is more than its motions; a motion cannot be executed, so that nothing can be written for it;
-            or its language cannot say it.
+            its language cannot say it, or does not read as what was written.
     """
-    _check_plain(program)
+    found, given = plan.wanted, plan.wanted.given
+    _check_plain(given)
     written: list[Motion] = []
     q: list[np.ndarray] = []
-    for i, move in enumerate(program.motions):
-        if i not in waypoints:
-            if i in trajectory.rejected:
-                raise TaskcalError(f"{move.place}: {trajectory.rejected[i]}; a new program has no place for it")
+    for i, read in enumerate(given.motions):
+        # the new program counts its targets in the frames as they were read
+        move = replace(found.program.motions[i], tool=read.tool, part=read.part)
+        if i not in plan.written:
+            if i in found.trajectory.rejected:
+                raise TaskcalError(f"{move.place}: {found.trajectory.rejected[i]}; a new program has no place for it")
             written.append(move)
-            q.append(trajectory.end[i])
-            continue
-        for waypoint in waypoints[i]:
+            q.append(found.trajectory.end[i])
+        for waypoint in plan.written.get(i, ()):
             end = replace(move.end, name="", T=waypoint.T, q=waypoint.q if waypoint.T is None else None, posture=None)
             via = None if waypoint.via is None else replace(end, T=waypoint.via.T)
             written.append(replace(move, kind=waypoint.kind, end=end, via=via))
             q.append(waypoint.q)
-    return compose_program(into, robot, written, q=np.array(q))
+    source = compose_program(into, found.robot, written, q=np.array(q))
+    first = None if language_of(into).declares_frames else given.motions[0]
+    progress("reading the corrected program")
+    again = parse_program(
+        (source,),
+        robot=found.robot,
+        tool=None if first is None else first.tool,
+        part=None if first is None else first.part,
+    )
+    if len(written) != len(again.motions):
+        raise TaskcalError(
+            f"the corrected program reads as {len(again.motions)} motions instead of {len(written)}; nothing was written"
+        )
+    return again
 
 
 def _check_plain(program: Program) -> None:
@@ -534,116 +485,18 @@ def _check_plain(program: Program) -> None:
         )
 
 
-# Whether a rewritten program, read again, says what was to be written.
-
-ROUNDING_M = 1e-5
-"""Numbers are written to this at least, metres."""
+# The corrected program, written into the files that were given.
 
 
-def check_reading(
-    motions: Sequence[Motion],
-    pieces: Int[np.ndarray, " m"],
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-    tolerance: float,
-) -> None:
-    """See that rewritten motions go where they should: what they share with others may have been changed for those.
-
-    Args:
-        motions: of the rewritten program, as read again.
-        pieces: into how many of them each motion of the given program became.
-        waypoints: what was to be written, by number of the motion.
-        tolerance: how far a target may be off that goes with another one, metres.
-
-    Raises:
-        TaskcalError: one does not.
-    """
-    first = np.cumsum(pieces) - pieces
-    for i, path in waypoints.items():
-        for move, waypoint in zip(motions[first[i] : first[i] + pieces[i]], path, strict=True):
-            if waypoint.T is None or move.end.T is None:
-                continue
-            off = float(np.linalg.norm(move.end.T[:3, 3] - waypoint.T[:3, 3]))
-            if off > tolerance + ROUNDING_M:
-                raise TaskcalError(
-                    f"{move.place}: the corrected program reads {off * 1e3:.3f} mm beside what it should say; nothing was written"
-                )
-
-
-# The corrected program: written, and read again from what was written.
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RewrittenProgram:
-    """The corrected program."""
-
-    sources: tuple[Source, ...]
-    motions: tuple[Motion, ...]
-    """Motions as read again from its sources."""
-    refused: dict[int, str]
-    """Those of which it is not known where they lead."""
-    pieces: Int[np.ndarray, " m"]
-    """Into how many motions each of the given program became."""
-    origin: tuple[tuple[int, float, float], ...]
-    """For each of its motions, the one it comes from and the shares of that one's length where it begins and ends."""
-
-
-def rewrite_program(
-    given: Program,
-    program: Program,
-    robot: Robot,
-    cell: Cell,
-    waypoints: Mapping[int, tuple[Waypoint, ...]],
-    trajectory: ControllerTrajectory,
-    *,
-    into: str | Path | None,
-    tolerance: float,
-    progress: Callable[[str], None],
-) -> RewrittenProgram:
-    """Write the corrected files, and read the program from them again.
-
-    Args:
-        given: the program as it was read, whose frames are those of the files.
-        program: with its frames in the robot's base.
-        robot: the robot.
-        cell: where the robot stands, and what its external axes carry.
-        waypoints: what to write, by number of the motion.
-        trajectory: of the controller in the program.
-        into: file of a new program; None to rewrite the program's own files.
-        tolerance: how far a target may be off that goes with another one, metres.
-        progress: told what is being done.
+def rewrite_program(plan: "Plan[CorrectionRequest]", progress: Callable[[str], None]) -> Program:
+    """The corrected program, as it is read again from what was written.
 
     Raises:
         TaskcalError: it cannot be written, or does not read as what was written.
     """
-    progress("writing the corrected program")
-    if into is None:
-        sources = program.rewrite(robot, waypoints)
-        progress("reading the corrected program")
-        again = replace(given, motions=given.motions_in(sources))
-    else:
-        first = given.motions[0]
-        # the new program counts its targets in the frames as they were read
-        pairs = zip(program.motions, given.motions, strict=True)
-        framed = replace(program, motions=tuple(replace(move, tool=read.tool, part=read.part) for move, read in pairs))
-        sources = (compose_new_program(Path(into), robot, framed, waypoints, trajectory),)
-        declares = language_of(Path(into)).declares_frames
-        tool, part = (None, None) if declares else (first.tool, first.part)
-        progress("reading the corrected program")
-        again = parse_program(sources, robot=robot, tool=tool, part=part)
-    pieces = np.array([len(waypoints.get(i, (1,))) for i in range(len(program.motions))], dtype=np.int64)
-    origin = _origins(len(program.motions), waypoints)
-    if len(origin) != len(again.motions):
-        raise TaskcalError(
-            f"the corrected program reads as {len(again.motions)} motions instead of {len(origin)}; nothing was written"
-        )
-    if into is None:
-        again = with_spins_near(again, _wanted_poses(program, waypoints))
-    mounted = mount(again, cell)
-    if into is None:
-        check_reading(mounted.program.motions, pieces, waypoints, tolerance)
-    return RewrittenProgram(
-        sources=sources, motions=mounted.program.motions, refused=mounted.refused, pieces=pieces, origin=origin
-    )
+    files, poses = plan.files, _wanted_poses(plan.wanted.program, plan.written)
+    progress("reading the corrected program")
+    return with_spins_near(replace(plan.wanted.given, sources=files, motions=plan.motions), poses)
 
 
 def _wanted_poses(
@@ -683,6 +536,7 @@ def correct(
     keep_joints: bool = False,
     accept_uncertain: bool = False,
     helper: bool = False,
+    controller: Robot | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Correction:
     """Correct a robot program by a calibration.
@@ -698,95 +552,87 @@ def correct(
         keep_joints: leave motions to joint positions as they are, such as those to a home position that a cell checks.
         accept_uncertain: correct it even where the calibration knows less than the robot's tolerances do (`UNKNOWN_FROM`).
         helper: add a module that corrects at run time the targets that the text does not tell, and put its function around them.
+        controller: the robot as its controller computes with it (`taskcal.correction.read_controller`), by which the
+            program is to be read, too; the calibration's by default, which the result calls assumed unless ``cell.controller`` is
+            ``"nominal"``.
         progress: told what is being done.
 
     Raises:
-        TaskcalError: the program has no motion that is known; no rotation about the tool's axis lets the robot follow it; what was
+        TaskcalError: the controller's kinematics are stated to be others and not given; the program has no motion that is known;
+            no rotation about the tool's axis lets the robot follow it; what was
             measured does not fit; or the calibration knows less at the targets than the robot's tolerances do; or a helper cannot
             be written for its language, or depends on what a controller does not know.
         InputError: the program has a helper already.
     """
     cell, bounds = cell or Cell(), bounds or Bounds()
-    module, wrappings = None, list[Wrapping]()
+    check_controller(calibration.model.robot, cell, controller)
+    module = None
     if helper:
+        if controller is not None and kinematics_apart(calibration.model.robot, controller) > SAME_M:
+            raise TaskcalError(
+                "--helper: its module computes with the robot file of the calibration, and the controller with its own kinematics; "
+                "identify with these (taskcal robots import), or correct without --helper"
+            )
         module = helper_for(calibration, program, cell, bounds, into)
-        wrappings.append(module.wrap(program, keep_joints=keep_joints))
-        program = wrappings[0].program
-    if not program.motions and not any(one.wrapped for one in wrappings):
-        missing = tuple(missing_names(program.diagnostics))  # of a backup it is the first one already
-        said = dict.fromkeys(str(diagnostic) for diagnostic in (*missing, *program.diagnostics))
-        why = "".join(f"; {text}" for text in list(said)[:MAX_REASONS])
-        raise TaskcalError(f"{program.sources[0].path} has no motion that could be resolved{why}")
 
-    def corrected(program: Program, visits: Sequence[Visit] | None = None) -> tuple[Correction, frozenset[int]]:
-        return _correct(
-            calibration, program, cell, bounds, into=into, keep_joints=keep_joints, accept_uncertain=accept_uncertain,
-            visits=visits, progress=progress,
+    def found(text: Program) -> CorrectionRequest:
+        if text.sources is program.sources and not program.motions:
+            missing = tuple(missing_names(program.diagnostics))  # of a backup it is the first one already
+            said = dict.fromkeys(str(diagnostic) for diagnostic in (*missing, *program.diagnostics))
+            has = f"{program.sources[0].path} has no motion that could be resolved"
+            raise TaskcalError(listed((has, *said), 1 + MAX_REASONS, "; "))
+        return find_correction(
+            calibration, text, cell, bounds, into=into, keep_joints=keep_joints, accept_uncertain=accept_uncertain,
+            controller=controller, progress=progress,
         )  # fmt: skip
 
-    first = best = corrected(program)
-    written_out, of_text, written, told = program, best[1], program, None
-    ways, chosen = list[str](), tuple[str, ...]()
-    for _ in range(MAX_WRITING_OUT if of_text else 0):
-        sources, way, visits = written_out.written_out(of_text), WRITTEN_OUT, None
-        if sources is None:  # an array does not tell which motions go to a place above which others
-            way, visits = TABLED, tuple(written_out.visits())
-            sources = written_out.tabled(of_text)
-        if sources is None:
-            break
-        ways.append(way)
-        progress("writing out what several motions have in common")
-        written_out = written_out.reread(sources)
-        found, of_text = corrected(written_out, visits)
-        if len(of_text) * len(best[0].program.motions) < len(best[1]) * len(found.program.motions):
-            best, written, told, chosen = (found, of_text), written_out, visits, tuple(dict.fromkeys(ways))
-        if not of_text or way == TABLED:
-            break
-    found = best[0] if best is first else _with_written_out(best[0], program, chosen)
-    if module is None:
-        return found
-    if best[1]:
-        declared = bool(wrappings[0].wrapped)
-        wrappings.append(module.wrap(written, best[1], declared=declared, keep_joints=keep_joints))
-        if wrappings[1].wrapped:
-            wrapped = wrappings[1].program
-            found, _ = corrected(wrapped, None if told is None else _at_places(told, wrapped.motions))
-    return module.told(found, wrappings)
+    if into is not None:
+        one = found(program)
+        left = {i: Conflict(why=why) for i, why in one.refused.items()}
+        chosen = Plan(given=program, wanted=one, written=one.waypoints, left=left, eased={})
+        return write_correction(chosen, into, progress)
+    chosen = plan(
+        program,
+        found,
+        helper=None if module is None else partial(module.wrap, keep_joints=keep_joints),
+        told=lambda: progress("writing out what several motions have in common"),
+    )
+    correction = write_correction(chosen, None, progress)
+    return correction if module is None else module.told(correction, chosen.wrappings)
 
 
-MAX_WRITING_OUT = 4
-"""Loops, routines that are called in their turns, loops in those, and routines again: who writes a program nests no deeper."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CorrectionRequest(Wanted):
+    """What a program's motions are to become, and by what that was found."""
+
+    given: Program
+    """As it was read, its frames those of the files."""
+    cell: Cell
+    bounds: Bounds
+    calibration: Calibration
+    trajectory: ControllerTrajectory
+    """The controller's, of the program."""
+    placed: Placed
+    path: RoundedPath
+    uncertainty: Uncertainty
+    subdivision: Subdivision
+    changes: TargetChanges
+    unknown: str
+    """Why the calibration knows too little at the targets."""
+    robot: Robot
+    """As the controller computes with it."""
+    asked: str
+    """What is to be stated of the controller's kinematics; empty where it is."""
+    said: tuple[Diagnostic, ...]
+    """Of controller and frames."""
+    statements: tuple[str, ...]
+
+    def staying(self, of_text: Set[int], changing: Container[int]) -> Mapping[int, str]:
+        """Motions of a path another one of which stays because of its text."""
+        return keep_paths(self.program.motions, of_text, changing, self.changes.shift, self.tolerance)
 
 
-def _at_places(visits: Sequence[Visit], motions: Sequence[Motion]) -> list[Visit]:
-    """Visits by the motions of a program some of whose lines are none any longer, at the same places."""
-    by_place: dict[Place, dict[Hashable, Visit]] = {}
-    for visit in visits:
-        by_place.setdefault(visit.place, {})[visit.target] = visit
-    return [replace(visit, number=i) for i, one in enumerate(motions) for visit in by_place.get(one.place, {}).values()]
-
-
-WRITTEN_OUT = "loops are written turn by turn, or routines once for each call"
-TABLED = "targets of loops stand in arrays, an element for each turn"
-"""How text for several motions got numbers for each of them."""
-
-
-def _with_written_out(found: Correction, program: Program, ways: Sequence[str]) -> Correction:
-    """The correction of a program written out, with a diagnostic that says so, and how."""
-    before = [source.text.count("\n") for source in program.sources]
-    after = [source.text.count("\n") for source in found.program.sources]
-    said = [
-        Diagnostic(
-            place=Place(path=source.path, line=1),
-            text=f"is {new - old} lines longer: {', and '.join(ways)}, where their motions need different corrections",
-        )
-        for source, old, new in zip(program.sources, before, after, strict=True)
-        if new != old
-    ]
-    return replace(found, diagnostics=(*said, *found.diagnostics))
-
-
-def _correct(
+def find_correction(
     calibration: Calibration,
     program: Program,
     cell: Cell,
@@ -795,25 +641,31 @@ def _correct(
     into: str | Path | None,
     keep_joints: bool,
     accept_uncertain: bool,
-    visits: Sequence[Visit] | None,
+    controller: Robot | None,
     progress: Callable[[str], None],
-) -> tuple[Correction, frozenset[int]]:
-    """Correct a program as its text is; says also which motions stay because others have their text."""
-    robot = calibration.model.robot
+) -> CorrectionRequest:
+    """What the motions of a program are to become; for the arguments see `correct`."""
+    own = calibration.model.robot
+    robot, first = own if controller is None else controller, program.sources[0].path
+    asked = ask_for_controller(language_of(first if into is None else Path(into)), own, cell, controller)
     progress("the joints of the nominal robot")
-    given, mounted = program, mount(program, cell)
-    program = with_spins(mounted.program, robot)
-    motions = program.motions
-    trajectory = simulate_controller(robot, motions, mounted.refused)
+    mounted = mount(program, cell)
+    spun = with_spins(mounted.program, robot)
+    motions = spun.motions
+    frames, number = frames_on(calibration, motions, cell, robot)
+    # no controller runs a path as it is: its postures are chosen here, and a new program states them
+    has_logic = language_of(first).has_logic
+    corrects = _corrects_in(calibration, robot, motions, frames, number) if has_logic else None
+    trajectory = simulate_controller(robot, motions, mounted.refused, corrects=corrects)
+    unknown = why_unknown(calibration, trajectory.end[np.isfinite(trajectory.end).all(axis=1)])
     if not accept_uncertain:
-        ends = trajectory.end[np.isfinite(trajectory.end).all(axis=1)]
-        check_known(calibration, ends, f"{given.sources[0].path} is not corrected")
-    frames, number = frames_on(calibration, motions, cell)
+        refuse_unknown(unknown, f"{first} is not corrected")
     directions = drive_directions(robot, motions, trajectory) if uses_directions(calibration.model) else None
     placed = place_motions(calibration, frames, number, directions)
     path = trajectory.path_on(placed, motions)
     progress("the uncertainty at the targets")
-    uncertainty = uncertainty_at(frames, number, trajectory.end, directions)
+    ways = None if directions is None else directions.at_ends(len(motions))
+    uncertainty = uncertainty_at(frames, number, trajectory.end, ways)
     progress("the joints of the calibrated robot")
     tolerance, widest = _tolerances(uncertainty) if bounds.tolerance is None else (bounds.tolerance, 0.0)
     problem = CorrectionProblem(
@@ -822,76 +674,157 @@ def _correct(
     )  # fmt: skip
     subdivision = subdivide(problem)
     changes = target_changes(robot, subdivision, trajectory)
-    chosen = choose_waypoints(
-        problem,
-        subdivision,
-        changes,
-        bounds,
-        keep_joints=keep_joints,
-        program=program if into is None else None,
-        visits=visits,
-    )
-    waypoints, rejected = chosen.waypoints, chosen.rejected
-    rewritten = rewrite_program(
-        given,
-        program,
-        robot,
-        cell,
-        waypoints,
-        trajectory,
-        into=into,
+    kept = {i for i, move in enumerate(motions) if keep_joints and move.kind == "axes"}
+    refused = trajectory.rejected | find_rejections(robot, subdivision, changes, bounds)
+    return CorrectionRequest(
+        program=spun,
+        robot=robot,
+        waypoints=_waypoints(motions, subdivision, changes, kept | refused.keys()),
+        refused={i: why for i, why in refused.items() if i not in kept},
         tolerance=subdivision.tolerance,
-        progress=progress,
+        given=program,
+        cell=cell,
+        bounds=bounds,
+        calibration=calibration,
+        trajectory=trajectory,
+        placed=placed,
+        path=path,
+        uncertainty=uncertainty,
+        subdivision=subdivision,
+        changes=changes,
+        unknown=unknown,
+        asked=asked,
+        said=(
+            *([Diagnostic(place=Place(path=first, line=1), text=asked)] if asked else ()),
+            *ask_for_base(program, cell, trajectory.out_of_reach),
+            *mounted.diagnostics,
+        ),
+        statements=tuple(
+            filter(
+                None,
+                (
+                    *dict.fromkeys(frame.statement for frame in frames),
+                    base_statement(program, cell),
+                    "" if has_logic or into is not None else _posture_statement(robot, motions, trajectory),
+                    state_controller(own, cell, controller),
+                ),
+            )
+        ),
     )
+
+
+def write_correction(
+    plan: Plan[CorrectionRequest], into: str | Path | None, progress: Callable[[str], None]
+) -> Correction:
+    """Write what was planned, read it again, and assess it.
+
+    Args:
+        plan: what is written.
+        into: see `correct`.
+        progress: the same.
+    """
+    found, waypoints = plan.wanted, plan.written
+    program, trajectory, calibration = found.program, found.trajectory, found.calibration
+    robot, motions = found.robot, program.motions
+    progress("writing the corrected program")
+    again = rewrite_program(plan, progress) if into is None else compose_new_program(plan, Path(into), progress)
+    mounted, origins = mount(again, found.cell), _origins(len(motions), waypoints)
+    at_run_time = {place.path for wrapping in plan.wrappings for place in wrapping.wrapped}
     progress("the joints of the corrected program")
-    written_moves, written = rewritten.motions, np.isin(np.arange(len(motions)), list(waypoints))
-    near = trajectory.end[[number for number, _, _ in rewritten.origin]]
+    written_moves, written = mounted.program.motions, np.isin(np.arange(len(motions)), list(waypoints))
+    origin = np.array([number for number, _, _ in origins], dtype=np.int64)
+    near = trajectory.end[origin]
+    for k, i in enumerate(origin):
+        near[k] = trajectory.open_postures.get(i, near[k])  # what they differ by counts as an error
+    driven = [
+        move
+        if move.follows is None or origin[move.follows] not in trajectory.open_postures
+        else replace(move, follows=None)
+        for move in written_moves
+    ]
     # what no posture reached before is not looked for again: its target is as it was
     lost = {
         k: why
-        for k, (i, _, _) in enumerate(rewritten.origin)
-        if (why := trajectory.rejected.get(i)) in (UNREACHABLE, UNSOUGHT)
+        for k, (i, _, _) in enumerate(origins)
+        if (why := trajectory.rejected.get(i, "")).startswith((UNREACHABLE, UNSOUGHT, UNKNOWN_POSTURE))
     }
-    new_trajectory = simulate_controller(robot, written_moves, lost | rewritten.refused, near)
+    new_trajectory = simulate_controller(robot, driven, lost | mounted.refused, near)
     motion = joint_motion(robot, written_moves, new_trajectory)
-    before, after = assess(placed, path, trajectory), assess(placed, path, new_trajectory, rewritten.origin)
+    before = assess(found.placed, found.path, trajectory)
+    after = assess(found.placed, found.path, new_trajectory, origins)
     farthest = after.farthest(calibration.measured_range, len(motions))
-    correction = Correction(
+    return Correction(
         program=program,
-        sources=rewritten.sources,
+        sources=again.sources,
         motions=written_moves,
-        bounds=bounds,
-        tolerance=subdivision.tolerance,
-        wanted=path,
+        bounds=found.bounds,
+        tolerance=found.tolerance,
+        wanted=found.path,
         before=before,
         after=after,
-        budget=budget_of(before.length[before.at_target], after.length[after.at_target], uncertainty),
+        budget=budget_of(before.length[before.at_target], after.length[after.at_target], found.uncertainty),
         corrected=np.flatnonzero(written),
-        pieces=rewritten.pieces,
-        origin=rewritten.origin,
-        shift=np.where(written, changes.shift, 0.0),
-        turn=np.where(written, changes.turn, 0.0),
-        uncertainty=np.sqrt(uncertainty.variances.sum(axis=1)),
-        joint_change=np.where(written, changes.joint, 0.0),
+        pieces=np.bincount(origin, minlength=len(motions)),
+        origin=origins,
+        shift=np.where(written, found.changes.shift, 0.0),
+        turn=np.where(written, found.changes.turn, 0.0),
+        uncertainty=np.sqrt(found.uncertainty.variances.sum(axis=1)),
+        joint_change=np.where(written, found.changes.joint, 0.0),
         measured_range=calibration.measured_range,
         farthest=farthest,
-        rejected=rejected,
+        rejected={i: str(conflict) for i, conflict in plan.left.items()},
         diagnostics=(
-            *ask_for_base(given, cell, trajectory.out_of_reach),
-            *mounted.diagnostics,
-            *diagnose_unused_frames(cell, program),
-            *diagnose(program, trajectory, new_trajectory, rewritten.origin, written_moves, subdivision, motion),
-            *diagnose_shared(program, chosen.eased, subdivision.tolerance),
+            *diagnose_written_out(plan),
+            *found.said,
+            *diagnose_unused_frames(found.cell, program),
+            *diagnose(program, trajectory, new_trajectory, origins, written_moves, found.subdivision, motion),
+            *diagnose_shared(program, plan.eased, found.tolerance),
             *diagnose_range(program, calibration.measured_range, farthest),
-            *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, rewritten.origin)),
-            *([] if into is not None else diagnose_unchanged_files(program, rejected)),
+            *([] if into is None else diagnose_new_corners(program, trajectory, new_trajectory, origins)),
+            *([] if into is not None else diagnose_unchanged_files(program, plan.left, at_run_time)),
         ),
-        statements=tuple(
-            filter(None, (*dict.fromkeys(frame.statement for frame in frames), base_statement(given, cell)))
-        ),
+        statements=found.statements,
         motion=motion,
+        unknown=found.unknown,
+        doubts=calibration.doubts,
+        asked=found.asked,
+        added_lines=sum(plan.added_lines.values()) if into is None else 0,
     )
-    return correction, chosen.of_text
+
+
+def _corrects_in(
+    calibration: Calibration,
+    robot: Robot,
+    motions: Sequence[Motion],
+    frames: Sequence[FrameCalibration],
+    number: Int[np.ndarray, " m"],
+) -> CorrectsIn:
+    """What the corrections of motions' points are in several postures, in whichever direction drives turned last."""
+    placed = place_motions(calibration, frames, number, None)
+    nominal = Placed.nominal(robot, motions)
+
+    def corrects(i: int, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k points 4 4"]:
+        rows, points = np.full(len(q), i), list[np.ndarray]()
+        for target in (motions[i].via, motions[i].end):
+            if target is not None and target.T is not None:
+                wanted = placed.robot_tool(rows, np.repeat(target.T[None], len(q), axis=0))
+                solution = solve_calibrated(calibration, wanted, q, None)
+                T = nominal.tool_in_part(rows, np.ones(len(q)), solution.q)
+                points.append(np.where(solution.reached[:, None, None], T, np.nan))
+        return np.stack(points, axis=1)
+
+    return corrects
+
+
+def _posture_statement(robot: Robot, motions: Sequence[Motion], trajectory: ControllerTrajectory) -> str:
+    """The first posture that was chosen for a path; empty where none was."""
+    chosen = np.isfinite(trajectory.end[:, 0]) & np.isnan(trajectory.start[:, 0])
+    for i, move in enumerate(motions):
+        if chosen[i] and move.end.q is None and move.end.posture is None:
+            scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
+            joints = ", ".join(f"{value:.1f}" for value in trajectory.end[i] * scale)
+            return f"the posture of joints [{joints}] in {move.place}, which the path does not state"
+    return ""
 
 
 def _tolerances(uncertainty: Uncertainty) -> tuple[float, float]:

@@ -11,14 +11,20 @@ from jaxtyping import Bool, Float, Int
 from robot_programs.core.program import Diagnostic, Motion, Program
 from robot_programs.core.source import Place, Source
 from robot_programs.reading import written_files
-from taskcal.arguments import checked
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
 from taskcal.correction.frames import SOURCES, Uncertainty
+from taskcal.correction.options import Bounds
 from taskcal.correction.path import Placed, RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.measured_range import MeasuredRange
-from taskcal.identification.uncertainty_budget import UNEXPLAINED, Evaluation, UncertaintyBudget, budget_of_parts
+from taskcal.identification.uncertainty_budget import (
+    REACHED,
+    UNEXPLAINED,
+    Evaluation,
+    UncertaintyBudget,
+    budget_of_parts,
+)
 from taskcal.io.files import Laid, write_all
 from taskcal.short_repr import short_repr
 
@@ -116,9 +122,9 @@ def assess(
 LEFT = "uncorrected"
 """The predicted error of the corrected program, among the sources of what is to be expected of it."""
 
-_REMEDIES = {
+REMEDIES = {
     "geometry": "the geometry is known too badly where the program works: measure more poses there (taskcal plan --calibration)",
-    "model error": "it is what the model cannot explain: accept it, or identify with effects where that was not done "
+    "model error": "it is what the model cannot tell of a single pose: accept it, or identify with effects where that was not done "
     "(--effects auto)",
     "tool": "measure the tool against the reflectors, or touch one point with its tip, and state it in a cell file (--cell: "
     "reflectors_mm, flange or tip_deg)",
@@ -177,7 +183,7 @@ class ErrorBudget:
         """The source of the largest share of the error to be expected, that share, and advice that lowers it."""
         sources = {**self.variances, LEFT: self.left}
         name = max(sources, key=lambda source: sources[source])
-        return name, sources[name] / (sum(sources.values()) or 1.0), _REMEDIES[name]
+        return name, sources[name] / (sum(sources.values()) or 1.0), REMEDIES[name]
 
     @property
     def uncertain(self) -> bool:
@@ -193,18 +199,18 @@ class ErrorBudget:
     @property
     def remedy(self) -> str:
         """Advice that lowers the largest share of the uncertainty."""
-        return _REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
+        return REMEDIES[max(self.variances, key=lambda name: self.variances[name])]
 
     def of_targets(self, model_error: Evaluation) -> UncertaintyBudget:
         """Uncertainty budget of a corrected target, one line for each source (JCGM 100:2008, GUM).
 
         Args:
-            model_error: whether what the model cannot explain was estimated (A) or given (B).
+            model_error: whether the model error was estimated (A) or given (B).
         """
         return budget_of_parts(
             [
                 ("parameters and tracker frame: posterior covariance", "A", self.variances["geometry"]),
-                (UNEXPLAINED, model_error, self.variances["model error"]),
+                (f"{UNEXPLAINED}; {REACHED}", model_error, self.variances["model error"]),
                 ("where the tool is on the flange", "B", self.variances["tool"]),
                 ("where the part is", "B", self.variances["part"]),
                 (
@@ -248,23 +254,6 @@ TOLERANCE = 2e-5
 
 SHARE_OF_UNCERTAINTY = 0.2
 """A distance from the path that is this share of the uncertainty adds a fiftieth to it."""
-
-
-@checked
-@dataclass(frozen=True, kw_only=True)
-class Bounds:
-    """Bounds of a correction."""
-
-    shift: float = 5e-3
-    """Farthest that a target is moved, metres."""
-    turn: float = float(np.radians(1.0))
-    """Farthest that it is turned, radians."""
-    joint: float = float(np.radians(5.0))
-    """Farthest that a revolute joint is moved, radians."""
-    tolerance: float | None = None
-    """Of the true tool's distance from its path between corrected targets, metres; None for `TOLERANCE`, or a fifth of what the
-    calibration must expect at the targets where that is more, up to all of it where the program would grow by more than
-    half."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -324,11 +313,20 @@ class Correction:
     diagnostics: tuple[Diagnostic, ...]
     """What else the user should know, by file and line."""
     statements: tuple[str, ...]
-    """Relative to which frames, and with which tools, the program is accurate."""
+    """Relative to which frames, with which tools, and on which controller the program is accurate."""
     motion: JointMotion
     """How the corrected program moves the joints."""
+    unknown: str = ""
+    """Why the calibration is not to be used at the targets, where that was accepted; empty where it knows them."""
+    doubts: tuple[str, ...] = ()
+    """What puts the calibration in doubt (`Calibration.doubts`): then the errors before and after may not be those of this
+    program."""
+    asked: str = ""
+    """What to state of the controller's kinematics, where they are the arm's own and were not stated; empty otherwise."""
     helper: Helper | None = None
     """Module among the sources that corrects at run time what the text does not tell."""
+    added_lines: int = 0
+    """By how many lines the program's files grow; none of a new program."""
 
     def __repr__(self) -> str:
         rejected = f", {len(self.rejected)} rejected" if self.rejected else ""
@@ -345,10 +343,10 @@ class Correction:
 
     @property
     def why_unwritten(self) -> str:
-        """Why nothing is written: no motion was corrected, and some were refused; empty where something was corrected."""
+        """Why nothing is written: no motion was corrected, here or at run time, and some were refused; empty where one was."""
         refused = [f"{self.program.motions[i].place}: {why}" for i, why in sorted(self.rejected.items())]
         refused += [str(diagnostic) for diagnostic in self.diagnostics if diagnostic.rejected]
-        if len(self.corrected) or not refused:
+        if len(self.corrected) or self.helper is not None or not refused:
             return ""
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         return f"no motion was corrected, so that the program would be the one that was read; {refused[0]}{more}"
@@ -389,6 +387,7 @@ class Correction:
             "refused": len(self.rejected),
             "unresolved": len(self.program.diagnostics),
             "written_moves": len(self.motions),
+            "added_lines": self.added_lines,
             "at_run_time": 0 if self.helper is None else len(self.helper.motions),
             "tolerance_mm": self.tolerance * 1e3,
             "expected": self.budget.summary(),
@@ -401,6 +400,7 @@ class Correction:
             "outside_moves": int(self.measured_range.outside(self.farthest).sum()),
             "measured_range": self.measured_range.summary(),
             "relative_to": list(self.statements),
+            "doubts": list(self.doubts),
             **self.motion.summary(),
         }
 
@@ -441,6 +441,26 @@ class Correction:
             for i, beyond in zip(chosen, outside, strict=True)
             for move in (motions[i],)
         ]
+
+    def told(self, most: int | None = None, *, targets: int | None = None) -> dict[str, Any]:
+        """The summary, with its motions in lists: targets, those that were refused, and remarks, each with its place.
+
+        Args:
+            most: of each list; all by default.
+            targets: of those with the largest errors before; `most` by default.
+        """
+        refused, motions = sorted(self.rejected.items())[:most], self.program.motions
+        return {
+            **self.summary(),
+            "targets": self.targets(most if targets is None else targets),
+            "refused": [
+                {"file": motions[i].place.path, "line": motions[i].place.line, "reason": reason}
+                for i, reason in refused
+            ],
+            "remarks": [
+                {"file": one.place.path, "line": one.place.line, "text": one.text} for one in self.diagnostics[:most]
+            ],
+        }
 
 
 def _largest(values: Float[np.ndarray, " m"]) -> float:

@@ -7,7 +7,7 @@ tip was at one point.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,8 +17,9 @@ from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import DriveDirections
 from taskcal.correction.path import Placed, Placement, distinct_frames
 from taskcal.errors import TaskcalError
+from taskcal.estimation.matrices import root_of
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration
+from taskcal.identification.calibration import Calibration, PoseErrors, pose_errors
 from taskcal.identification.problem import Rows
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
@@ -78,9 +79,9 @@ class GraspedFrame:
 
     T_tool_grasped: Float[np.ndarray, "4 4"]
     """In the calibrated robot's own tool."""
-    statement: str
     twists: Twists
-    covariance: Float[np.ndarray, "3 3"]
+    statement: str = ""
+    covariance: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.zeros((3, 3)))
     """Of its origin, by how it was measured against reflectors or flange, in its own axes, metres²."""
 
 
@@ -117,7 +118,6 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
             T_tool_grasped=np.eye(4),
             statement=f"tool '{name}' is the robot file's, its errors as calibrated",
             twists=calibration.tool_jacobian,
-            covariance=np.zeros((3, 3)),
         )
     in_flange = controller if measured.in_flange is None else measured.in_flange
     stated = "as the controller has it" if measured.in_flange is None else "as measured in the flange"
@@ -208,7 +208,8 @@ def _by_tip(
         moved[:, 3:, columns_of(calibration, "tool.")] = 0.0  # how it is turned in the flange, the controller says
         return moved
 
-    touch = max(scatter, measured.uncertainty**2 + calibration.model_error[0] ** 2)
+    errors = _errors_at(calibration, q, poses @ se3.translation(*tip), conditions).single[:, 0]
+    touch = max(scatter, measured.uncertainty**2 + float(_total(errors).mean()) / 3.0)
     return GraspedFrame(
         T_tool_grasped=T_tool_tip,
         statement=f"tool '{name}' by {len(q)} touches of one point, {shift * 1e3:.2f} mm from where the controller has it",
@@ -294,12 +295,15 @@ class FixedFrame:
 
     T_base_fixed: Float[np.ndarray, "4 4"]
     """In the calibrated base."""
-    statement: str
-    follows_base: bool
+    statement: str = ""
+    follows_base: bool = False
     """Whether it is only known where the controller's base is."""
-    twist: Float[np.ndarray, "6 z"] | None
+    twist: Float[np.ndarray, "6 z"] | None = None
     """Derivative of its pose by the estimate, for a point at the tracker's origin; None where it does not depend on it."""
-    covariance: Float[np.ndarray, "6 6"]
+    warmth: Float[np.ndarray, "6 c"] | None = None
+    """The same by how warm the robot is, where that is not told (`PoseErrors.warmth`): a part is taken to be touched when the robot
+    is as warm as it is at work."""
+    covariance: Float[np.ndarray, "6 6"] = field(default_factory=lambda: np.zeros((6, 6)))
     """Of the twist of its pose by how it was measured, for a point at the tracker's origin, tracker axes; metres and radians.
 
     What the estimate does not tell: the tracker's measurement of it, or at each touched point the model error, how well a
@@ -307,9 +311,9 @@ class FixedFrame:
 
 
 def fixed_frame(
-    calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell
+    calibration: Calibration, measured: Measured, controller: Float[np.ndarray, "4 4"], cell: Cell, robot: Robot
 ) -> FixedFrame:
-    """The frame of what is fixed in the cell.
+    """The frame of what is fixed in the cell; arguments as of `frames_on`.
 
     Raises:
         TaskcalError: what was measured of it does not fit to what it is used for, or to the calibration.
@@ -324,18 +328,14 @@ def fixed_frame(
         return FixedFrame(
             T_base_fixed=se3.inverse(calibration.T_tracker_base) @ measured.in_tracker,
             statement=f"part '{measured.name}' as the tracker measured it",
-            follows_base=False,
-            twist=None,
             covariance=np.diag([measured.uncertainty**2] * 3 + [0.0] * 3),
         )
     if measured.touched is not None:
-        return _touched(calibration, measured, measured.touched, controller, cell)
+        return _touched(calibration, measured, measured.touched, controller, cell, robot)
     return FixedFrame(
         T_base_fixed=controller,
         statement=f"part '{measured.name}' where the controller has it in the robot's base, as calibrated",
         follows_base=True,
-        twist=None,
-        covariance=np.zeros((6, 6)),
     )
 
 
@@ -345,8 +345,8 @@ def _touched(
     q: Float[np.ndarray, "k joints"],
     controller: Float[np.ndarray, "4 4"],
     cell: Cell,
+    robot: Robot,
 ) -> FixedFrame:
-    robot = calibration.model.robot
     check_angles(robot, "touched_deg", measured.name, q)
     toucher = cell.tool(measured.touched_with)
     T_controller = toucher.controller if toucher.controller is not None else toucher.in_flange
@@ -359,12 +359,13 @@ def _touched(
     M, _ = fit_points(nominal[:, :3, 3], true[:, :3, 3])
     in_tracker = calibration.T_tracker_base @ true
     points = in_tracker[:, :3, 3]
+    errors = _errors_at(calibration, q, in_tracker, conditions)
     return FixedFrame(
         T_base_fixed=M @ controller,
         statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
-        follows_base=False,
         twist=_fitted_twist(points, tool.twists(q, conditions)[:, :3]),
-        covariance=_touch_covariance(calibration, measured, in_tracker, tool.covariance),
+        warmth=_fitted_twist(points, errors.warmth[:, 0]),
+        covariance=_touch_covariance(measured, in_tracker, errors.single[:, 0], tool.covariance),
     )
 
 
@@ -374,38 +375,44 @@ def _fitted_twist(points: Float[np.ndarray, "k 3"], J: Float[np.ndarray, "k 3 z"
 
 
 def _touch_covariance(
-    calibration: Calibration,
     measured: Measured,
     touched: Float[np.ndarray, "k 4 4"],
+    errors: Float[np.ndarray, "k 3 3"],
     tip: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, "6 6"]:
     """Covariance of a part fitted to touched points, without that of the estimate.
 
     Args:
-        calibration: of the robot that touched.
         measured: the part; its uncertainty is that of one touch, per axis.
         touched: poses of the tool that touched, tracker frame.
+        errors: covariance of what errs at each touch alone (`PoseErrors.single`).
         tip: covariance of its tip in its own axes, the same at every touch.
     """
     k = len(touched)
-    each = np.eye(3 * k).reshape(k, 3, 3 * k)
-    per_touch = np.sqrt(np.full((k, 3), calibration.model_error[0] ** 2) + measured.uncertainty**2)
-    single = _fitted_twist(touched[:, :3, 3], each * per_touch[:, :, None])
+    per_touch = np.zeros((k, 3, k, 3))
+    per_touch[range(k), :, range(k)] = root_of(errors + measured.uncertainty**2 * np.eye(3))
+    single = _fitted_twist(touched[:, :3, 3], per_touch.reshape(k, 3, 3 * k))
     common = _fitted_twist(touched[:, :3, 3], touched[:, :3, :3])
     return single @ single.T + common @ tip @ common.T
 
 
-def root_of(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
-    """R with R·Rᵀ = covariance, which may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+def _errors_at(
+    calibration: Calibration,
+    q: Float[np.ndarray, "n joints"],
+    T: Float[np.ndarray, "n 4 4"],
+    conditions: Conditions | None,
+) -> PoseErrors:
+    """What errs of the origins of frames on the tool, which stand so in the tracker's frame, beside the estimate."""
+    arm = T[:, :3, 3] - calibration.predict_tool(q, conditions)[:, :3, 3]
+    return pose_errors(calibration, q, se3.by_twist(arm)[:, None], conditions)
 
 
 SOURCES = ("geometry", "model error", "tool", "part")
-"""Of the uncertainty of a tool in a part."""
+"""Of the uncertainty of a tool in a part. The model error is all that the estimate does not tell of a pose (`PoseErrors`)."""
 
 CAUSES_OF_FRAMES = 9
-"""Of `FrameCalibration.causes`, those that are not the estimate's: three of what is held, six of what stands still."""
+"""The last ones of `FrameCalibration.causes`, which each pair of frames has of its own: three of what is held, six of what stands
+still."""
 
 RELATIVE_UNCERTAINTY = 0.25
 """Of what is stated of an uncertainty, over itself: the share that the GUM takes as an example of one that is not from repeated
@@ -424,8 +431,8 @@ class MovedFrame:
     """Derivatives of its origin by the estimate, in tracker axes."""
     T: Float[np.ndarray, "n 4 4"]
     """In the tracker's frame, metres."""
-    growth: Float[np.ndarray, " n"]
-    """Factor of the covariance of what is predicted there."""
+    errors: PoseErrors
+    """What errs of its origin there beside the estimate."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -456,7 +463,7 @@ class FrameCalibration:
     ) -> Float[np.ndarray, "n 3 3"]:
         """Covariance of where the grasped frame's origin is against the fixed frame, in the fixed frame's axes, metres².
 
-        The model error of a single new pose is not in it.
+        What errs at a pose alone is not in it.
 
         Args:
             q: joint positions, radians.
@@ -467,15 +474,9 @@ class FrameCalibration:
 
     def moved(self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None) -> "MovedFrame":
         """The grasped frame at some poses; arguments as of `causes`."""
-        return MovedFrame(
-            J=self.grasped.twists(q, conditions)[:, :3], T=self._grasped_poses(q), growth=self.calibration.growth_at(q)
-        )
-
-    def _in_tracker(self, moved: "MovedFrame") -> Float[np.ndarray, "n 3 3"]:
-        """Covariance of the grasped frame's origin in the tracker's frame, metres²."""
-        J, R = moved.J, moved.T[:, :3, :3]
-        by_estimate = moved.growth[:, None, None] * (J @ self.calibration.z_covariance @ np.swapaxes(J, 1, 2))
-        return by_estimate + R @ self.grasped.covariance @ np.swapaxes(R, 1, 2)
+        T = self.calibration.predict_tool(q, conditions) @ self.grasped.T_tool_grasped
+        errors = _errors_at(self.calibration, q, T, conditions)
+        return MovedFrame(J=self.grasped.twists(q, conditions)[:, :3], T=T, errors=errors)
 
     def causes(
         self,
@@ -485,8 +486,9 @@ class FrameCalibration:
     ) -> Float[np.ndarray, "n 3 k"]:
         """Errors of the grasped frame's origin against the fixed frame by independent causes of one standard deviation each.
 
-        Each is the same at all poses: first those of the estimate, then three of what is held and six of what stands still. In
-        the fixed frame's axes, metres. The model error of a single new pose is not in it.
+        Each is the same at all poses: first those of the estimate, then those of how warm the robot is, where that is not told,
+        three of what is held and six of what stands still. In the fixed frame's axes, metres. What errs at a pose alone is not
+        in it.
 
         Args:
             q: joint positions, radians.
@@ -494,40 +496,38 @@ class FrameCalibration:
             moved: as `moved` gives it, where it is known.
         """
         moved = moved or self.moved(q, conditions)
-        calibration, fixed, T, J = self.calibration, self.fixed, moved.T, moved.J
+        fixed, position, J, warmth = self.fixed, moved.T[:, :3, 3], moved.J, moved.errors.warmth[:, 0]
         if fixed.follows_base:
             J = J.copy()
-            J[:, :, columns_of(calibration, "base.")] = 0.0
-        elif fixed.twist is not None:
-            twist = np.broadcast_to(fixed.twist, (len(q), *fixed.twist.shape))
-            J = J - se3.carry(twist, T[:, :3, 3])[:, :3]
-        by_estimate = np.sqrt(moved.growth)[:, None, None] * (J @ root_of(calibration.z_covariance))
-        held = T[:, :3, :3] @ root_of(self.grasped.covariance)
-        arm = se3.carry(np.broadcast_to(np.eye(6), (len(q), 6, 6)), T[:, :3, 3])[:, :3]
-        R_fixed = (calibration.T_tracker_base @ fixed.T_base_fixed)[:3, :3]
-        return R_fixed.T @ np.concatenate([by_estimate, held, arm @ root_of(fixed.covariance)], axis=2)
+            J[:, :, columns_of(self.calibration, "base.")] = 0.0
+        stands = se3.by_twist(position)
+        if fixed.twist is not None and fixed.warmth is not None:
+            J, warmth = J - stands @ fixed.twist, warmth - stands @ fixed.warmth
+        return self.turn.T @ np.concatenate([*self._held(moved, J, warmth), stands @ root_of(fixed.covariance)], axis=2)
 
-    def points(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3"]:
+    def _held(
+        self, moved: "MovedFrame", J: Float[np.ndarray, "n 3 z"], warmth: Float[np.ndarray, "n 3 c"]
+    ) -> list[Float[np.ndarray, "n 3 k"]]:
+        """Errors of the grasped frame's origin by the estimate, by warmth and by how it was measured; tracker axes."""
+        by_estimate = np.sqrt(moved.errors.growth)[:, None, None] * (J @ self.calibration.z_spread)
+        return [by_estimate, warmth, moved.T[:, :3, :3] @ root_of(self.grasped.covariance)]
+
+    @property
+    def turn(self) -> Float[np.ndarray, "3 3"]:
+        """Axes of the fixed frame in the tracker's."""
+        return (self.calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3]
+
+    def points(self, moved: "MovedFrame") -> Float[np.ndarray, "n 3"]:
         """The grasped frame's origin in the fixed frame, metres."""
-        return (se3.inverse(self.calibration.T_tracker_base @ self.fixed.T_base_fixed) @ self._grasped_poses(q))[
-            :, :3, 3
-        ]
+        return (se3.inverse(self.calibration.T_tracker_base @ self.fixed.T_base_fixed) @ moved.T)[:, :3, 3]
 
-    def spread(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 3 k"]:
+    def spread(self, moved: "MovedFrame") -> Float[np.ndarray, "n 3 k"]:
         """Errors of the grasped frame's origin by independent causes of one standard deviation each, metres.
 
         They go together at all poses, so that what poses have in common can be taken out; in the fixed frame's axes, and without
         what is not known of the fixed frame itself.
         """
-        R = (self.calibration.T_tracker_base @ self.fixed.T_base_fixed)[:3, :3].T
-        by_estimate = R @ self.grasped.twists(q, None)[:, :3] @ root_of(self.calibration.z_covariance)
-        by_estimate *= np.sqrt(self.calibration.growth_at(q))[:, None, None]
-        held = R @ self._grasped_poses(q)[:, :3, :3] @ root_of(self.grasped.covariance)
-        return np.concatenate([by_estimate, held], axis=2)
-
-    def _grasped_poses(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n 4 4"]:
-        """Poses of the grasped frame in the tracker's."""
-        return self.calibration.predict_tool(q) @ self.grasped.T_tool_grasped
+        return self.turn.T @ np.concatenate(self._held(moved, moved.J, moved.errors.warmth[:, 0]), axis=2)
 
     def variances(
         self,
@@ -552,24 +552,29 @@ class FrameCalibration:
         moved = moved or self.moved(q, conditions)
         causes = self.causes(q, conditions, moved) if causes is None else causes
         covariance = self.calibration.predict_covariance(q, conditions, model_error=False)[..., :3, :3]
-        geometry = _total(covariance).mean(axis=1)
-        grasped, total = _total(self._in_tracker(moved)), (causes**2).sum(axis=(1, 2))
+        by_estimate, _, held = self._held(moved, moved.J, moved.errors.warmth[:, 0])
+        warm = _square(causes[:, :, len(self.calibration.z) : -CAUSES_OF_FRAMES])
+        geometry, grasped = _total(covariance).mean(axis=1), _square(by_estimate) + _square(held)
+        total = _square(causes) - warm
         parts = np.stack([geometry, grasped - geometry, total - grasped], axis=1)
         parts = np.maximum(parts, 0.0)
         parts *= (total / np.maximum(parts.sum(axis=1), 1e-300))[:, None]
-        return np.stack([parts[:, 0], self.model_variance(q), parts[:, 1], parts[:, 2]], axis=1)
+        beside = _total(moved.errors.single[:, 0]) + warm
+        return np.stack([parts[:, 0], beside, parts[:, 1], parts[:, 2]], axis=1)
 
-    def model_variance(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
-        """Variance of the model error at a new pose, in space, metres²."""
-        return 3.0 * self.calibration.model_error[0] ** 2 * self.calibration.growth_at(q)
+
+def _square(errors: Float[np.ndarray, "n 3 k"]) -> Float[np.ndarray, " n"]:
+    return (errors**2).sum(axis=(1, 2))
 
 
 def _total(covariance: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b"]:
     return np.trace(covariance, axis1=-2, axis2=-1)
 
 
-def calibrate_frames(calibration: Calibration, move: Motion, cell: Cell) -> FrameCalibration:
-    """Frames of a motion's tool and part on the robot as calibrated.
+def calibrate_frames(
+    calibration: Calibration, move: Motion, cell: Cell, robot: Robot | None = None
+) -> FrameCalibration:
+    """Frames of a motion's tool and part on the robot as calibrated; arguments as of `frames_on`.
 
     Raises:
         TaskcalError: what was measured of them does not fit to what they are used for, or to the calibration.
@@ -585,7 +590,7 @@ def calibrate_frames(calibration: Calibration, move: Motion, cell: Cell) -> Fram
     return FrameCalibration(
         calibration=calibration,
         grasped=grasped_frame(calibration, grasped, stated_grasped.T),
-        fixed=fixed_frame(calibration, fixed, stated_fixed.T, cell),
+        fixed=fixed_frame(calibration, fixed, stated_fixed.T, cell, robot or calibration.model.robot),
         part_in_hand=move.part_in_hand,
     )
 
@@ -594,11 +599,18 @@ def calibrate_frames(calibration: Calibration, move: Motion, cell: Cell) -> Fram
 
 
 def frames_on(
-    calibration: Calibration, motions: Sequence[Motion], cell: Cell
+    calibration: Calibration, motions: Sequence[Motion], cell: Cell, robot: Robot | None = None
 ) -> tuple[list[FrameCalibration], Int[np.ndarray, " m"]]:
-    """Calibrated frames of tools and parts, those in common once, and the number of every motion's."""
+    """Calibrated frames of tools and parts, those in common once, and the number of every motion's.
+
+    Args:
+        calibration: the robot as calibrated.
+        motions: whose frames they are.
+        cell: what was measured of them.
+        robot: as its controller computes with it; the calibration's by default.
+    """
     examples, number = distinct_frames(motions)
-    return [calibrate_frames(calibration, move, cell) for move in examples], number
+    return [calibrate_frames(calibration, move, cell, robot) for move in examples], number
 
 
 def place_motions(
@@ -628,6 +640,8 @@ class Uncertainty:
     """How much each target counts; zero where its variances are not known, else adding up to one."""
     common: Float[np.ndarray, "k k"]
     """Mean over the targets of SᵀS, of causes that are the same at all of them (`FrameCalibration.causes`), metres²."""
+    single: Float[np.ndarray, " m"]
+    """What errs at each target alone adds so much to the trace of its covariance's square, metres⁴; NaN where it is not known."""
 
     @property
     def mean(self) -> Float[np.ndarray, " sources"]:
@@ -639,20 +653,19 @@ class Uncertainty:
         """Variance of the error's mean square over the targets, metres⁴.
 
         Of normal errors it is twice the trace of their covariance's square: for causes that are the same at all targets that of
-        `common`, for the model error a third of its square at each of them. To that comes how well the calibration knows its own
-        uncertainty (`RELATIVE_UNCERTAINTY`).
+        `common`, and at each of them what errs there alone (`single`), which many targets average out. To that comes how well the
+        calibration knows its own uncertainty (`RELATIVE_UNCERTAINTY`).
         """
-        k = SOURCES.index("model error")
-        single = self.weights * np.nan_to_num(self.variances[:, k])
+        single = np.sum(self.weights**2 * np.nan_to_num(self.single))
         own = 2.0 * RELATIVE_UNCERTAINTY * self.mean.sum()
-        return float(2.0 * np.sum(self.common**2) + 2.0 / 3.0 * np.sum(single**2) + own**2)
+        return float(2.0 * np.sum(self.common**2) + 2.0 * single + own**2)
 
 
 def uncertainty_at(
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
     q: Float[np.ndarray, "m joints"],
-    directions: DriveDirections | None = None,
+    conditions: Conditions | None = None,
     weights: Float[np.ndarray, " m"] | None = None,
 ) -> Uncertainty:
     """What the calibration must expect at every target.
@@ -661,24 +674,28 @@ def uncertainty_at(
         frames: tools and parts of one calibration.
         number: of each target's.
         q: joint positions at the targets, radians; NaN where they are not known.
-        directions: the side from which each drive comes, where the model tells one from the other.
+        conditions: how the targets are reached, as far as it is told.
         weights: how much each target counts; all alike by default.
     """
     ended = np.isfinite(q[:, 0])
     counts = ended * (np.ones(len(q)) if weights is None else weights)
     counts /= counts.sum() or 1.0
-    variances = np.full((len(number), len(SOURCES)), np.nan)
-    estimated = len(frames[0].calibration.z) if frames else 0
-    common = np.zeros((estimated + CAUSES_OF_FRAMES * len(frames),) * 2)
+    variances, single = np.full((len(number), len(SOURCES)), np.nan), np.full(len(number), np.nan)
+    common = np.zeros((0, 0))
     for k, frame in enumerate(frames):
         rows = np.flatnonzero(ended & (number == k))
-        columns = np.r_[:estimated, estimated + CAUSES_OF_FRAMES * k + np.arange(CAUSES_OF_FRAMES)]
         for first in range(0, len(rows), CHUNK_POSES):
             some = rows[first : first + CHUNK_POSES]
-            conditions = None if directions is None else directions.at(some, np.ones(len(some)))
-            moved = frame.moved(q[some], conditions)
-            causes = frame.causes(q[some], conditions, moved)
-            variances[some] = frame.variances(q[some], conditions, moved, causes)
+            told = None if conditions is None else conditions.take(some)
+            moved = frame.moved(q[some], told)
+            causes = frame.causes(q[some], told, moved)
+            variances[some] = frame.variances(q[some], told, moved, causes)
+            shared = causes.shape[2] - CAUSES_OF_FRAMES
+            if not len(common):
+                common = np.zeros((shared + CAUSES_OF_FRAMES * len(frames),) * 2)
+            columns = np.r_[:shared, shared + CAUSES_OF_FRAMES * k + np.arange(CAUSES_OF_FRAMES)]
             flat = (np.sqrt(counts[some])[:, None, None] * causes).reshape(-1, len(columns))
             common[np.ix_(columns, columns)] += flat.T @ flat
-    return Uncertainty(variances=variances, weights=counts, common=common)
+            own = frame.turn.T @ moved.errors.single[:, 0] @ frame.turn
+            single[some] = np.einsum("nij,nji->n", own + 2.0 * (causes @ np.swapaxes(causes, 1, 2)), own)
+    return Uncertainty(variances=variances, weights=counts, common=common, single=single)

@@ -7,24 +7,33 @@ about the vertical through the middle of the targets. Motions to joint positions
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from robot_programs.core.program import THROUGH_TARGET, Frame, Motion, Program, Target
 from robot_programs.core.source import Place
-from taskcal.arguments import checked, options_of
+from taskcal.arguments import Named, by_name, checked, chosen_options
 from taskcal.correction.cell import Cell, mount
-from taskcal.correction.controller import ControllerTrajectory, simulate_controller, with_spins
-from taskcal.correction.correction import Bounds, Deviations, assess
+from taskcal.correction.controller import (
+    ControllerTrajectory,
+    DriveDirections,
+    drive_directions,
+    simulate_controller,
+    uses_directions,
+    with_spins,
+)
+from taskcal.correction.correction import Deviations, assess
 from taskcal.correction.frames import FrameCalibration, frames_on, place_motions, uncertainty_at
+from taskcal.correction.options import Bounds, PlacementOptions
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.uncertainty_budget import why_unknown
 from taskcal.kinematics.inverse import conditioning, solve_near
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
+from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import Load
@@ -72,37 +81,7 @@ class Region:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
 
 
-# How placements of a part are looked at: one frozen value.
-
-
-class PlacementChoices(TypedDict, total=False):
-    """`PlacementOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "PlacementOptions | None"
-    force: tuple[float, float, float] | None
-    touched_off: bool
-    count: int
-    seed: int
-    accept_uncertain: bool
-
-
-@checked
-@dataclass(frozen=True, kw_only=True)
-class PlacementOptions:
-    """Options of placements; `dataclasses.replace` gives others."""
-
-    force: tuple[float, float, float] | None = None
-    """Of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it, and without
-    one the robot's file stiffnesses."""
-    touched_off: bool = False
-    """The part is touched off or measured where it is put, so that what is common to all targets, a shift and a turn of the part,
-    does not count."""
-    count: int = 30
-    """Poses of a task."""
-    seed: int = 0
-    """Of their choice."""
-    accept_uncertain: bool = False
-    """Placements count as possible even where the calibration knows less than the robot's tolerances do."""
+# How placements of a part are looked at.
 
 
 @short_repr
@@ -180,19 +159,48 @@ class PartPlacements:
     """Of the program or task."""
     now: PlacedPart
     all: tuple[PlacedPart, ...]
+    tolerance: float | None = None
+    """Of the task, 3D rms, metres; None where none is stated."""
 
     @property
     def ranked(self) -> tuple[PlacedPart, ...]:
         """Possible placements, the smallest error first; of equal ones the farthest from a singular posture."""
         return tuple(sorted((p for p in self.all if p.possible), key=lambda p: (round(p.expected, 9), -p.conditioning)))
 
+    def unfit(self, placed: PlacedPart) -> str:
+        """Why the part is not to be there, better than now or not; empty where nothing speaks against it."""
+        if self.tolerance is not None and not placed.expected <= self.tolerance:
+            return (
+                f"{placed.expected * 1e3:.3g} mm are expected there, where the task allows {self.tolerance * 1e3:g} mm"
+            )
+        return placed.outside
+
     def objection(self, placed: PlacedPart) -> str:
-        """Why a placement is not worth moving the part there; empty where it is (`MIN_GAIN`, `MIN_MARGIN`)."""
-        if self.now.possible and not placed.expected <= (1.0 - MIN_GAIN) * self.now.expected:
+        """Why a placement is not worth moving the part there; empty where it is (`unfit`, `MIN_GAIN`, `MIN_MARGIN`)."""
+        if reason := self.unfit(placed):
+            return reason
+        if self.may_stay and not placed.expected <= (1.0 - MIN_GAIN) * self.now.expected:
             return f"an error less than {MIN_GAIN:.0%} smaller is not worth a move"
         if placed.margin < MIN_MARGIN and not (self.now.possible and placed.margin >= self.now.margin):
             return f"a correction may move a joint by {np.degrees(MIN_MARGIN):g}°, and it has not as much left there"
         return ""
+
+    @property
+    def may_stay(self) -> bool:
+        """Whether the part may be where it stands now."""
+        return self.now.possible and not self.unfit(self.now)
+
+    @property
+    def unmet(self) -> str:
+        """Why the part is to be nowhere, not where it stands either, by the best placement; empty where it may be somewhere."""
+        if self.recommended is not None or self.may_stay:
+            return ""
+        return self.objection(self.ranked[0]) if self.ranked else self.obstacle
+
+    @property
+    def obstacle(self) -> str:
+        """Why the first placement that is not possible is not."""
+        return next((placed.obstacle for placed in self.all if placed.obstacle), "none: all are near singularities")
 
     @property
     def recommended(self) -> PlacedPart | None:
@@ -200,15 +208,18 @@ class PartPlacements:
         return next((placed for placed in self.ranked if not self.objection(placed)), None)
 
 
+@by_name(PlacementOptions)
 @checked
 def place(
+    _kind: Callable[Named, PlacementOptions],
     on: Calibration | Robot,
     what: Program | Task,
     region: Region,
-    *,
     cell: Cell | None = None,
     progress: Callable[[int, int], None] | None = None,
-    **options: Unpack[PlacementChoices],
+    options: PlacementOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
 ) -> PartPlacements:
     """Compute the expected error of a program or a task over placements of its part.
 
@@ -218,19 +229,7 @@ def place(
         region: where the part may be put.
         cell: what was measured of a program's tools and parts; by default all are where the controller has them.
         progress: called with the number of placements that were looked at, and of all.
-        **options: those of `PlacementOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``force``: of the process on the tool, newtons, in axes of the base. The calibration needs a `Compliance` effect for it,
-            and without one the robot's file stiffnesses.
-
-            ``touched_off``: the part is touched off or measured where it is put, so that what is common to all targets, a shift and
-            a turn of the part, does not count.
-
-            ``count``: poses of a task.
-
-            ``seed``: of their choice.
-
-            ``accept_uncertain``: placements count as possible even where the calibration knows less than the robot's tolerances do.
+        options: all at once; those that are named replace what is in them.
 
     Raises:
         TypeError: an option that does not exist; the message names all.
@@ -239,7 +238,7 @@ def place(
     """
     calibration, chosen = (
         on if isinstance(on, Calibration) else None,
-        options_of(PlacementOptions, options, "placements"),
+        chosen_options(_kind, options, *_args, **_named),
     )
     robot = on.model.robot if isinstance(on, Calibration) else on
     name, motions = _moves_of(what, robot, cell or Cell(), chosen.count, chosen.seed)
@@ -262,7 +261,8 @@ def place(
         placed.append(one)
         if progress is not None:
             progress(number + 1, len(grid))
-    return PartPlacements(name=name, now=now, all=tuple(placed))
+    tolerance = what.accuracy if isinstance(what, Task) else None
+    return PartPlacements(name=name, now=now, all=tuple(placed), tolerance=tolerance)
 
 
 def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: int) -> tuple[str, Sequence[Motion]]:
@@ -285,12 +285,15 @@ def _moves_of(what: Program | Task, robot: Robot, cell: Cell, count: int, seed: 
     return what.name, [
         Motion(
             kind="joint",
-            end=Target(name="", T=pose, q=None, posture=None, place=Place(path=Path(what.name), line=i + 1)),
-            via=None, tool=tool, part=part, part_in_hand=False, speed=None, stops=True, follows=None, routine="",
-            place=Place(path=Path(what.name), line=i + 1),
+            end=Target(name="", T=pose, q=None, posture=None, place=place),
+            tool=tool,
+            part=part,
+            stops=True,
+            place=place,
         )
         for i, pose in enumerate(T)
-    ]  # fmt: skip
+        for place in (Place(path=Path(what.name), line=i + 1),)
+    ]
 
 
 def _loaded(
@@ -389,12 +392,15 @@ class _View:
                 effect = without_rigid_motion(model.poses(ends)[:, :3, 3], effect)
             return float(np.sqrt((effect**2).sum(axis=(1, 2)).mean())), np.nan
         frames, number = frames_on(self.calibration, motions, self.cell)
-        placed = place_motions(self.calibration, frames, number, None)
+        told = uses_directions(self.calibration.model)
+        directions = drive_directions(self.robot, motions, trajectory) if told else None
+        placed = place_motions(self.calibration, frames, number, directions)
         found = assess(placed, trajectory.path_on(placed, motions), trajectory)
         if self.chosen.touched_off:
-            known, left = on_touched_parts(frames, number, trajectory, found)
+            known, left = on_touched_parts(frames, number, trajectory, directions, found)
         else:
-            left = float(uncertainty_at(frames, number, trajectory.end).mean.sum())
+            ways = None if directions is None else directions.at_ends(len(motions))
+            left = float(uncertainty_at(frames, number, trajectory.end, ways).mean.sum())
             known = float((found.length[found.at_target] ** 2).mean())
         return float(np.sqrt(known + left)), float(np.sqrt(left))
 
@@ -449,6 +455,7 @@ def on_touched_parts(
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
     trajectory: ControllerTrajectory,
+    directions: DriveDirections | None,
     found: Deviations,
 ) -> tuple[float, float]:
     """Mean squares of the known error and of what is not known, each part touched off for itself, metres²."""
@@ -459,18 +466,23 @@ def on_touched_parts(
             continue
         points = trajectory.segments.end[found.move[rows]][:, :3, 3]
         known += float((without_rigid_motion(points, found.error[rows][:, :, None]) ** 2).sum())
-        left += len(rows) * touched_off_variance(frame, found.q[rows])
+        conditions = None if directions is None else directions.at(found.move[rows], np.ones(len(rows)))
+        left += len(rows) * touched_off_variance(frame, found.q[rows], conditions)
         count += len(rows)
     return known / max(count, 1), left / max(count, 1)
 
 
-def touched_off_variance(frame: FrameCalibration, q: Float[np.ndarray, "n joints"]) -> float:
+def touched_off_variance(
+    frame: FrameCalibration, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
+) -> float:
     """Mean square of the error in space that a calibration must expect at targets of one touched part, metres².
 
-    The model error at a pose counts whole; touching off takes little of it where the targets are many.
+    What errs at a pose alone counts whole; touching off takes little of it where the targets are many.
     """
-    left = without_rigid_motion(frame.points(q), frame.spread(q))
-    return float((left**2).sum(axis=(1, 2)).mean() + frame.model_variance(q).mean())
+    moved = frame.moved(q, conditions)
+    left = without_rigid_motion(frame.points(moved), frame.spread(moved))
+    single = np.trace(moved.errors.single[:, 0], axis1=1, axis2=2)
+    return float((left**2).sum(axis=(1, 2)).mean() + single.mean())
 
 
 def without_rigid_motion(

@@ -8,29 +8,30 @@ single precision is enough; q is found by repeating q ← f⁻¹(C(q)⁻¹·F).
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import resources
-from itertools import product
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.program import Diagnostic, Program, Wrapping, pose_numbers
-from robot_programs.core.robot import arm_bends, meeting_point
+from robot_programs.core.helper import Computed, Dialect, HelperModule
+from robot_programs.core.program import Diagnostic, Motion, Program, Wrapping
 from robot_programs.core.source import Place, Source
-from robot_programs.krl.rewrite import Status
+from robot_programs.krl import helper as krl
 from robot_programs.languages import language_of
+from robot_programs.rapid import helper as rapid
+from robot_programs.urscript import helper as urscript
 from taskcal.correction.cell import Cell
-from taskcal.correction.correction import Bounds, Correction, Helper
+from taskcal.correction.correction import Correction, Helper
 from taskcal.correction.frames import MAX_TOOL_DIFFERENCE
+from taskcal.correction.options import Bounds
 from taskcal.errors import TaskcalError, shown
 from taskcal.geometry import se3
-from taskcal.geometry.expressions import Dialect, Pool, StraightLine, is_zero, straight_line, trace
+from taskcal.geometry.expressions import Pool, is_zero, straight_line, trace
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE
 from taskcal.robot.error_model import COMPONENTS
-from taskcal.robot.robot import Robot
 
 FUNCTION = "TaskcalCorrected"
 """Sixteen characters, as many as a name has on the oldest controllers."""
@@ -49,8 +50,8 @@ MAX_ROUNDS = 8
 """Of the repetition: each leaves the share of the error by which a millimetre at the tool changes C, a hundredth as a rule and a
 quarter near singular postures."""
 
-SETTLED_MM, LEVER_MM = 2e-3, 2000.0
-"""Change of the shift, with that of the half turn on a lever, millimetres, at which the repetition ends: less is left."""
+SETTLED_M, LEVER_M = 2e-6, 2.0
+"""Change of the shift, with that of the half turn on a lever, metres, at which the repetition ends: less is left."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,6 +64,8 @@ class Module:
     without: frozenset[str]
     """Keys of tools and parts that were measured, which it does not know."""
     function: str = FUNCTION
+    carry_nothing: frozenset[int] = frozenset()
+    """Numbers of external axes that may be anywhere."""
 
     def wrap(
         self, program: Program, rejected: Container[int] = (), *, declared: bool = False, keep_joints: bool = False
@@ -76,7 +79,13 @@ class Module:
             keep_joints: leave motions to joint positions as they are.
         """
         added = None if declared else self.source
+        rejected = [i for i in range(len(program.motions)) if i in rejected and not self._stops_at(program.motions[i])]
         return program.wrap(self.function, added, without=self.without, rejected=rejected, keep_joints=keep_joints)
+
+    def _stops_at(self, move: Motion) -> bool:
+        """Whether the function stops at a motion: its part is held or carried, or an axis that may carry is not at zero."""
+        away = (k for k, position in enumerate(move.external, start=1) if np.isfinite(position) and position != 0.0)
+        return move.part_in_hand or bool(move.carrier) or any(k not in self.carry_nothing for k in away)
 
     def told(self, found: Correction, wrappings: Sequence[Wrapping]) -> Correction:
         """A correction with what the module does in it."""
@@ -99,10 +108,7 @@ class Module:
             said += [Diagnostic(place=one, text="is corrected at run time, and not assessed here") for one in motions]
         said += [one for wrapping in wrappings for one in wrapping.left]
         helper = Helper(path=self.source.path, operations=self.operations, motions=motions) if motions else None
-        sources = found.sources
-        for wrapping in wrappings:
-            sources = wrapping.completed(sources)
-        return replace(found, sources=sources, helper=helper, diagnostics=(*said, *found.diagnostics))
+        return replace(found, helper=helper, diagnostics=(*said, *found.diagnostics))
 
 
 # The displacement of the calibrated robot against the nominal one, in expressions.
@@ -183,133 +189,6 @@ def _quaternion(R: Float[np.ndarray, "3 3"]) -> tuple[float, ...]:
     return float(w), float(x), float(y), float(z)
 
 
-# The inverse of the nominal robot in closed form: an arm of two parallel axes across axis 1, and a wrist whose axes meet.
-
-
-PROBES = 24
-"""Postures in which an arm's inverse and the sides that status tells apart are compared with the robot itself."""
-
-PROBE_RAD = 0.1
-"""By which each joint is turned, to see about which end of its axis it counts."""
-
-CLEAR = 1e-9
-"""Smaller numbers of an arm's geometry, metres or parts of one, are zero."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BentArm:
-    """Geometry of an arm with a spherical wrist, all joints at zero."""
-
-    axes: Float[np.ndarray, "6 3"]
-    origins: Float[np.ndarray, "6 3"]
-    """A point of each axis, metres."""
-    flange: Float[np.ndarray, "4 4"]
-    wrist: Float[np.ndarray, " 3"]
-    """Where the last three axes meet."""
-    sides: tuple[float, ...] = (1.0, 1.0, 1.0)
-    """Of axes 1, 3 and 5, as `joints` takes them, for a status S of zero; each of its bits changes one."""
-
-    @classmethod
-    def of(cls, robot: Robot) -> "BentArm":
-        """The arm of a robot.
-
-        Raises:
-            TaskcalError: it is none, or S does not tell its sides apart.
-        """
-        refused = TaskcalError(f"--helper: {robot.name} is no arm with a spherical wrist, which a helper in KRL needs")
-        zero = np.zeros((1, len(robot.joint_names)))
-        if arm_bends(robot, zero) is None:
-            raise refused
-        frames = robot.joint_frames(zero)[0]
-        to_flange = se3.inverse(robot.T_flange_tool)
-        wrist, _ = meeting_point(frames[3:])
-        turned = robot.tool_poses(PROBE_RAD * np.eye(6))[:, :3, :3] @ robot.tool_poses(zero)[0, :3, :3].T
-        axes = np.sign((se3.log(turned) * frames[:, :3, 2]).sum(axis=1))[:, None] * frames[:, :3, 2]
-        arm = cls(axes=axes, origins=frames[:, :3, 3], flange=robot.tool_poses(zero)[0] @ to_flange, wrist=wrist)
-        if max(abs(arm.axes[4] @ arm.axes[3]), abs(arm.axes[4] @ arm.axes[5])) > CLEAR:
-            raise refused
-        lower, upper = robot.bounded_limits().T
-        q = lower + (upper - lower) * np.random.default_rng(0).uniform(0.1, 0.9, size=(PROBES, 6))
-        choices = np.array(list(product((1.0, -1.0), repeat=3)))
-        found = set[tuple[float, ...]]()
-        for own, T in zip(q, robot.tool_poses(q) @ to_flange, strict=True):
-            off = [np.abs(np.sin(0.5 * (arm.joints(T[:3, :3], T[:3, 3], one)[0] - own))).max() for one in choices]
-            S = Status(S=0, T=None).of(robot, own).S or 0
-            if min(off) > CLEAR * 1e3:
-                raise refused
-            found.add(tuple(choices[int(np.argmin(off))] * [1.0 - 2.0 * (S >> bit & 1) for bit in range(3)]))
-        if len(found) > 1:
-            raise refused
-        return replace(arm, sides=found.pop())
-
-    def joints(self, R: Any, p: Any, sides: Any) -> tuple[Any, Any]:
-        """Joint positions of a pose of the flange in the base: numbers or expressions.
-
-        Args:
-            R: its rotation.
-            p: its place, metres.
-            sides: plus or minus one, of axes 1, 3 and 5.
-
-        Returns:
-            The six, radians; and two numbers that are negative where there are none: for axis 1, and for axis 3.
-        """
-        z, u = self.axes[:2]
-        across = np.array([u, np.cross(z, u), z])  # its last two span the plane of the arm, where all axes are at zero
-        plane = lambda point: _clear(across[1:] @ (point - self.origins[0]))  # noqa: E731
-        r = _clear(across) @ (p + R @ _clear(self.flange[:3, :3].T @ (self.wrist - self.flange[:3, 3])))
-        r = r - _clear(across @ self.origins[0])
-        # Axis 1: the wrist's distance from the plane of axis 1 along axis 2 is what it was
-        offset = _clear(u @ (self.wrist - self.origins[0]))
-        square = r[0] * r[0] + r[1] * r[1]
-        ahead = square - offset * offset
-        forward = sides[0] * np.sqrt(abs(ahead))
-        cosine, sine = offset * r[0] - forward * r[1], offset * r[1] + forward * r[0]
-        q1, c1, s1 = np.arctan2(sine, cosine), cosine / square, sine / square
-        # Axes 2 and 3: two sides of a triangle in the plane
-        second, third = plane(self.origins[1]), plane(self.origins[2])
-        arm, forearm = third - second, plane(self.wrist) - third
-        d = np.array([-1.0 * forward, r[2]]) - second
-        reach = d[0] * d[0] + d[1] * d[1]
-        along, aside = arm @ forearm, arm[0] * -forearm[1] + arm[1] * forearm[0]
-        cosine3 = 0.5 * (reach + -1.0 * (arm @ arm + forearm @ forearm))
-        bend = (arm @ arm) * (forearm @ forearm)
-        elbow = bend - cosine3 * cosine3
-        height = sides[1] * np.sqrt(abs(elbow))
-        cf, sf = along * cosine3 - aside * height, aside * cosine3 + along * height
-        turned = np.array([cf * forearm[0] - sf * forearm[1], sf * forearm[0] + cf * forearm[1]]) * (1.0 / bend) + arm
-        dot, cross = turned[0] * d[0] + turned[1] * d[1], turned[0] * d[1] - turned[1] * d[0]
-        q2, q3 = np.arctan2(cross, dot), np.sign(self.axes[2] @ u) * np.arctan2(sf, cf)
-        # The wrist: what is left of the rotation behind axis 3, in the axes of `across`
-        c23, s23 = (cf * dot - sf * cross) / (bend * reach), (sf * dot + cf * cross) / (bend * reach)
-
-        def behind_arm(axis: Float[np.ndarray, " 3"]) -> Any:
-            x, y, w = _clear(across) @ (R @ _clear(self.flange[:3, :3].T @ axis))
-            x, y = c1 * x + s1 * y, c1 * y - s1 * x
-            return np.array([x, c23 * y + s23 * w, c23 * w - s23 * y])
-
-        Z, Y = (_clear(across @ self.axes[k]) for k in (3, 4))
-        X, last, cross_axis = np.cross(Y, Z), behind_arm(self.axes[5]), behind_arm(self.axes[4])
-        nx, ny, nz = X @ last, Y @ last, Z @ last
-        straight = np.arctan2(X @ across @ self.axes[5], Z @ across @ self.axes[5])
-        fifth = sides[2] * (nx * Y - ny * X)
-        return np.array(
-            [
-                q1,
-                q2,
-                q3,
-                np.arctan2(sides[2] * ny, sides[2] * nx),
-                np.arctan2(sides[2] * np.sqrt(nx * nx + ny * ny), nz) - straight,
-                np.arctan2(cross_axis @ np.cross(last, fifth), cross_axis @ fifth),
-            ],
-        ), (ahead, elbow)
-
-
-def _clear(values: Any) -> Any:
-    """Numbers of a robot's geometry, what is nearly zero or one exactly so, which then costs nothing."""
-    near = np.round(values)
-    return np.where(np.abs(values - near) < CLEAR, near, values)
-
-
 # What the controller cannot know where the function is called.
 
 
@@ -349,100 +228,42 @@ def check_known_there(calibration: Calibration, program: Program, cell: Cell) ->
 
 def measured_frames(cell: Cell) -> frozenset[str]:
     """Tools and parts of the cell that are known to be elsewhere than the controller has them."""
-    return frozenset(
-        key
-        for frames in (cell.tools, cell.parts)
-        for key, m in frames.items()
-        if m.reflectors
-        or any(given is not None for given in (m.in_tracker, m.touched, m.tip, m.in_flange, m.in_target))
-    )
+    return frozenset(key for frames in (cell.tools, cell.parts) for key, m in frames.items() if m.is_known)
 
 
-# RAPID: robtargets in millimetres and quaternions, functions in degrees, numbers in single precision (Technical reference
-# manual, RAPID Instructions, Functions and Data types, 3HAC050917: num, robtarget, orient, CalcJointT, PoseMult, PoseVect,
-# PoseInv, ErrWrite, EXIT).
-
-
-def _single(value: float) -> str:
-    """In the digits that single precision has."""
-    text = f"{value:.9g}".upper()
-    return text if any(mark in text for mark in ".E") else f"{text}.0"
-
-
-RAPID = Dialect(
-    number=_single,
-    functions={"sin": "Sin({0})", "cos": "Cos({0})", "sqrt": "Sqrt({0})", "exp": "Exp({0})", "atan2": "ATan2({0},{1})"},
-    variable="t{{{0}}}",
-    assignment="{0}:={1};",
-    degrees={f"q{{{k}}}": f"j.rax_{k}" for k in range(1, 7)},
-)
+# The languages' modules: what is computed in each.
 
 
 def rapid_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
     """A RAPID module with a function of a robtarget, a tooldata and a wobjdata."""
     pool = Pool()
-    at = _inputs(pool, "at.x", "at.y", "at.z")
     bases = (cell.T_world_base, program.T_world_base, np.eye(4))
     base = next(T for T in bases if T is not None)
-    shift, turn = _needed(calibration, base, _inputs(pool, *RAPID.degrees or ()), 1e-3 * at)
-    line = _written(pool, {"shift": 1e3 * shift, "turn": turn}, [f"{{0}}.{letter}" for letter in "xyz"], RAPID)
-    axes = [
-        f'IF Abs(p.extax.eax_{a})<1E+08 AND p.extax.eax_{a}<>0 TaskcalStop "axis {a} is away from zero";'
-        for k, a in enumerate("abcdef", start=1)
-        if k not in {axis.number for axis in cell.axes if axis.carries == "nothing"}
-    ]
-    joints = [
-        f'IF Abs(now.robax.rax_{k}-first.robax.rax_{k})>{_single(np.degrees(bounds.joint))} TaskcalStop "axis {k} would swing";'
-        for k in range(1, 7)
-    ]
-    words = {"AXES": _indented(axes, 4), "JOINTS": _indented(joints, 6), "BODY": _indented(line.lines, 4)}
-    return _helper("rapid.mod", ".mod", calibration, program, cell, bounds, line, words)
-
-
-def _indented(lines: Sequence[str], by: int) -> str:
-    return "\n".join(" " * by + line for line in lines)
-
-
-# KRL: positions in millimetres and three angles, functions in degrees, numbers in single precision (KUKA System Software,
-# Operating and Programming Instructions for System Integrators: REAL, FRAME, E6POS, status and turn, geometric operator, B_AND,
-# DEFFCT, $POS_ACT, $AXIS_ACT, HALT). By the section on status and turn these count in PTP alone; a line or an arc keeps the
-# status with which it begins, and so does a PTP to a point without status, whose turns are those of the shortest way. The axes
-# are computed here from the status, since the manuals for programmers do not describe INVERSE.
-
-KRL = Dialect(
-    number=_single,
-    functions={
-        "sin": "SIN({0})", "cos": "COS({0})", "sqrt": "SQRT({0})", "fabs": "ABS({0})", "atan2": "ATAN2({0},{1})",
-    },
-    variable="T[{0}]",
-    assignment="{0}={1}",
-    degrees={f"Q[{k}]": f"J[{k}]" for k in range(1, 7)}
-    | {f"{of}.{a}": f"{of}.{a}" for of in ("P", "W", "H") for a in "ABC"},
-)  # fmt: skip
-
-BORDER_DEG = 1e-2
-"""Nearer to zero an axis has the turn that its angle has, whatever T says: single precision does not tell its side."""
-
-
-MAX_ARC_DEG = 350.0
-"""Arcs of larger angles nearly close, and have no middle that tells the way."""
-
-FLAT_ARC_SINE = 0.1
-"""Of the angle in which two of the three points of a circle are seen from the third: with a smaller one, the end of an arc on it
-would be off by more than 25 times what its points are, which single precision and the inverse have to 0.4 µm."""
+    joints, place = _inputs(pool, *rapid.RAPID.degrees or ()), _inputs(pool, *rapid.PLACE)
+    shift, turn = _needed(calibration, base, joints, 1e-3 * place)
+    line = _written(pool, zip(rapid.RESULTS, [*(1e3 * shift), *turn], strict=True), rapid.RAPID)
+    spelled = partial(rapid.rapid_helper, free_axes=_carry_nothing(cell))
+    return _module(calibration, program, cell, bounds, line, spelled)
 
 
 def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
     """A KRL module with functions of an E6POS and a FRAME, for the tool and base that are active.
 
     Raises:
-        TaskcalError: the robot has no spherical wrist on the usual arm.
+        TaskcalError: the robot has no spherical wrist on the usual arm, or an external axis carries the part.
     """
-    axes, sides = _krl_axes(calibration.model.robot)
-    pool = Pool()
+    if any(axis.carries != "nothing" for axis in cell.axes):
+        raise TaskcalError(
+            "--helper: an external axis carries the part, and a helper in KRL stops wherever the controller has such an axis; "
+            "correct without --helper"
+        )
+    robot = calibration.model.robot
+    arm, of_axes, pool = krl.BentArm.of(robot, robot.bounded_limits()), Pool(), Pool()
+    R, p = _frame(of_axes, "H")
+    q, margins = arm.joints(R, 1e-3 * p, _inputs(of_axes, *krl.SIDES))
+    axes = _written(of_axes, zip(krl.AXES, [*np.degrees(1.0) * q, *margins], strict=True), krl.KRL)
     (R, p), (R_base, place) = (_frame(pool, of) for of in ("P", "W"))
-    joints = _inputs(pool, *(f"Q[{k}]" for k in range(1, 7)))
-    shift, turn = _needed(calibration, np.eye(4), joints, 1e-3 * (R_base @ p + place))
+    shift, turn = _needed(calibration, np.eye(4), _inputs(pool, *krl.JOINTS), 1e-3 * (R_base @ p + place))
     about, w = R_base.T @ turn, (1.0 - turn @ turn).sqrt()
     changes = [Displacement(w, about, None).turned(R[:, k]) for k in range(3)]  # of the axes
     a, c = ([pool.input(f"P.{name}").cos(), pool.input(f"P.{name}").sin()] for name in "AC")
@@ -457,39 +278,13 @@ def krl_helper(calibration: Calibration, program: Program, cell: Cell, bounds: B
         c[0] * changes[1][2] - c[1] * changes[2][2],
         cosine + c[1] * changes[1][2] + c[0] * changes[2][2],
     ]
-    line = _written(pool, {"D": results}, [f"{{0}}[{k}]" for k in range(1, 12)], KRL)
+    line = _written(pool, zip(krl.RESULTS, results, strict=True), krl.KRL)
     alone = bool(cell.axes) and all(axis.carries == "nothing" for axis in cell.axes)
-    root = "$ROBROOT"
-    if cell.T_world_base is not None:
-        numbers = zip("XYZABC", pose_numbers(cell.T_world_base), strict=True)
-        root = "{FRAME: " + ",".join(f"{name} {_single(value)}" for name, value in numbers) + "}"
-    words = {
-        "AXES": "" if alone else "\n".join(_stop("$EX_AX_NUM>0", "external axes may carry robot or part")),
-        "SIDES": "\n".join(f"SIDES[{k}]={side:.1f}" for k, side in enumerate(sides, start=1)),
-        "ROOT": root, "BORDER": _single(BORDER_DEG), "JOINT": _single(np.degrees(bounds.joint)),
-        "MAX_ARC": _single(MAX_ARC_DEG), "FLAT": _single(FLAT_ARC_SINE**2),
-        "AXES_VARIABLES": str(max(axes.variables, 1)), "AXES_BODY": "\n".join(axes.lines), "BODY": "\n".join(line.lines),
-    }  # fmt: skip
-    both = line._replace(operations=line.operations + axes.operations)
-    return _helper("krl.src", ".src", calibration, program, cell, bounds, both, words)
-
-
-def _krl_axes(robot: Robot) -> tuple[StraightLine, tuple[float, ...]]:
-    """Lines that compute the axes of a flange, and the sides of axes 1, 3 and 5 on which a status of zero has them.
-
-    Raises:
-        TaskcalError: there are none.
-    """
-    arm = BentArm.of(robot)
-    pool = Pool()
-    R, p = _frame(pool, "H")
-    q, margins = arm.joints(R, 1e-3 * p, _inputs(pool, "S[1]", "S[2]", "S[3]"))
-    elements = [*(f"A[{k}]" for k in range(1, 7)), "M[1]", "M[2]"]
-    return _written(pool, {"": [*np.degrees(1.0) * q, *margins]}, elements, KRL), arm.sides
-
-
-def _stop(condition: str, why: str) -> tuple[str, str, str]:
-    return f"IF {condition} THEN", f"TaskcalStop ( ) ; {why}", "ENDIF"
+    return _module(
+        calibration, program, cell, bounds, line,
+        partial(krl.krl_helper, axes=axes, sides=arm.sides, T_world_base=cell.T_world_base, stops_with_axes=not alone),
+        operations=axes.operations,
+    )  # fmt: skip
 
 
 def _frame(pool: Pool, of: str) -> tuple[Any, Any]:
@@ -505,26 +300,6 @@ def _frame(pool: Pool, of: str) -> tuple[Any, Any]:
     return np.array(R, dtype=object), _inputs(pool, f"{of}.X", f"{of}.Y", f"{of}.Z")
 
 
-# URScript: poses in metres and rotation vectors in the robot's base, functions in radians (Script manual, e-Series:
-# get_inverse_kin, get_forward_kin, pose_trans, norm, popup, thread scheduling). A controller's inverse is that of its own arm, as
-# the factory measured it; the robot file must have that, too, which the function sees for itself by get_forward_kin.
-
-
-def _decimal(value: float) -> str:
-    """Without an exponent."""
-    text = f"{value:.15f}".rstrip("0")
-    return f"{text}0" if text.endswith(".") else text
-
-
-URSCRIPT = Dialect(
-    number=_decimal,
-    functions={
-        "sin": "sin({0})", "cos": "cos({0})", "sqrt": "sqrt({0})", "exp": f"pow({np.e!r},{{0}})", "atan2": "atan2({0},{1})",
-    },
-    variable="tc_t[{0}]",
-    assignment="{0} = {1}",
-)  # fmt: skip
-
 SAME_M = 2e-5
 """Distance of the controller's flange from the robot file's, and of a point beside it, below which both are one robot."""
 
@@ -535,7 +310,7 @@ BESIDE_FLANGE_M = (0.2, 0.5, 1.0)
 def urscript_helper(calibration: Calibration, program: Program, cell: Cell, bounds: Bounds) -> Module:
     """URScript functions of a pose, and of joint positions, in the base, for the TCP that is active."""
     pool = Pool()
-    q, pose = (_inputs(pool, *(f"tc_{of}[{k}]" for k in range(count))) for of, count in (("q", 6), ("pose", 3)))
+    q, pose = _inputs(pool, *urscript.JOINTS), _inputs(pool, *urscript.PLACE)
     shift, half = _moved(displacement(calibration, q[None], np.eye(4)), pose)
     size = half @ half
     turn = (
@@ -543,18 +318,12 @@ def urscript_helper(calibration: Calibration, program: Program, cell: Cell, boun
     ) * half  # 2 asin(s) / s for a half turn's sine s, to 6e-8 at 0.2 rad
     flange = nominal_flange(calibration, q[None])
     beside = flange[:3, :3] @ np.array(BESIDE_FLANGE_M) + flange[:3, 3]
-    line = _written(
-        pool, {"tc_d": [*shift, *turn, *flange[:3, 3], *beside]}, [f"{{0}}[{k}]" for k in range(12)], URSCRIPT
-    )
-    words = {
-        "FUNCTION": "taskcal_corrected", "ROBOT": shown(calibration.model.robot.name),
-        "ZEROS": ",".join(["0.0"] * (line.variables + 1)), "RESULTS": ",".join(["0.0"] * 12),
-        "SHIFT": _decimal(bounds.shift), "TURN": _decimal(bounds.turn), "JOINT": _decimal(bounds.joint), "SAME": _decimal(SAME_M),
-        "BESIDE": ",".join(map(str, BESIDE_FLANGE_M)), "SETTLED": _decimal(1e-3 * SETTLED_MM),
-        "LEVER": _decimal(0.5e-3 * LEVER_MM), "BODY": _indented(line.lines, 2),
-    }  # fmt: skip
-    module = _helper("urscript.script", None, calibration, program, cell, bounds, line, words)
-    return replace(module, function=words["FUNCTION"])
+    results = [*shift, *turn, *flange[:3, 3], *beside]
+    line = _written(pool, zip(urscript.RESULTS, results, strict=True), urscript.URSCRIPT)
+    return _module(
+        calibration, program, cell, bounds, line,
+        partial(urscript.urscript_helper, same_m=SAME_M, beside_m=BESIDE_FLANGE_M), function=urscript.FUNCTION,
+    )  # fmt: skip
 
 
 # What the languages have in common.
@@ -575,27 +344,19 @@ def _moved(by: Displacement, place: Any) -> tuple[Any, Any]:
     return back.turned(place - by.t) - by.t, back.v
 
 
-def _written(
-    pool: Pool, results: Mapping[str, Iterable[Any]], elements: Sequence[str], dialect: Dialect
-) -> StraightLine:
+def _written(pool: Pool, results: Iterable[tuple[str, Any]], dialect: Dialect) -> Computed:
     """Lines that compute some results.
 
     Args:
         pool: of their expressions.
-        results: by name, the elements of each.
-        elements: formats of a name, for its elements.
+        results: what each is assigned to, and the expression.
         dialect: of the language.
 
     Raises:
         TaskcalError: the language does not have a function that an effect uses.
     """
-    places = {
-        element.format(name): value
-        for name, values in results.items()
-        for element, value in zip(elements, values, strict=True)
-    }
     try:
-        line = straight_line(pool, places, dialect)
+        line = straight_line(pool, dict(results), dialect)
     except TypeError as error:
         raise TaskcalError(f"--helper: the calibrated robot cannot be written: {error}") from error
     angles = [
@@ -603,35 +364,36 @@ def _written(
         for name, angle in (dialect.degrees or {}).items()
         if name != angle and any(name in text for text in line.lines)
     ]
-    return line._replace(lines=angles + line.lines, operations=line.operations + len(angles))
+    return replace(line, lines=[*angles, *line.lines], operations=line.operations + len(angles))
 
 
-def _helper(
-    template: str,
-    suffix: str | None,
+def _carry_nothing(cell: Cell) -> frozenset[int]:
+    return frozenset(axis.number for axis in cell.axes if axis.carries == "nothing")
+
+
+def _module(
     calibration: Calibration,
     program: Program,
     cell: Cell,
     bounds: Bounds,
-    line: StraightLine,
-    words: Mapping[str, str],
+    correction: Computed,
+    spelled: Callable[[HelperModule, Source], Source],
+    *,
+    function: str = FUNCTION,
+    operations: int = 0,
 ) -> Module:
-    robot = calibration.model.robot.name
-    campaign = shown(calibration.provenance.campaign)
-    title = f"Taskcal: targets of {shown(robot)} corrected at run time, by a calibration from {campaign}"
-    known = {
-        "MODULE": MODULE, "FUNCTION": FUNCTION, "TITLE": title[:MAX_TITLE], "OPERATIONS": str(line.operations),
-        "USUAL": str(USUAL_ROUNDS), "ROUNDS": str(MAX_ROUNDS), "SHIFT": _single(bounds.shift * 1e3),
-        "COSINE": _single(np.cos(0.5 * bounds.turn) ** 2), "SETTLED_MM": _single(SETTLED_MM), "LEVER_MM": _single(LEVER_MM),
-        "VARIABLES": str(max(line.variables, 1)), **words,
-    }  # fmt: skip
-    text = (resources.files("taskcal.correction") / "helpers" / template).read_text(encoding="utf-8")
-    for name, value in known.items():
-        text = text.replace(f"@{name}@", value)
-    first = program.sources[0]
-    path = first.path if suffix is None else first.path.with_name(f"{MODULE}{suffix}")
-    source = Source(path=path, text=text.replace("\n", first.newline), encoding="utf-8")
-    return Module(source=source, operations=line.operations, without=measured_frames(cell))
+    robot, campaign = (shown(one) for one in (calibration.model.robot.name, calibration.provenance.campaign))
+    correction = replace(correction, operations=correction.operations + operations)
+    said = HelperModule(
+        name=MODULE, function=function, robot=robot, correction=correction,
+        title=f"Taskcal: targets of {robot} corrected at run time, by a calibration from {campaign}"[:MAX_TITLE],
+        shift=bounds.shift, turn=bounds.turn, joint=bounds.joint, usual_rounds=USUAL_ROUNDS, rounds=MAX_ROUNDS,
+        settled=SETTLED_M, lever=LEVER_M,
+    )  # fmt: skip
+    return Module(
+        source=spelled(said, program.sources[0]), operations=correction.operations, without=measured_frames(cell),
+        function=function, carry_nothing=_carry_nothing(cell),
+    )  # fmt: skip
 
 
 HELPERS: Mapping[str, Callable[[Calibration, Program, Cell, Bounds], Module]] = {

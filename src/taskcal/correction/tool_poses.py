@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.arguments import joints_checked
 from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -27,6 +28,7 @@ SETTLED_RAD = 1e-10
 MAX_ROUNDS = 8
 
 
+@joints_checked
 def solve_calibrated(
     calibration: Calibration,
     T: Float[np.ndarray, "n 4 4"],
@@ -102,6 +104,7 @@ class ToolJoints:
         return np.asarray(np.isfinite(np.concatenate([self.nominal, q], axis=1)).all(axis=1))
 
 
+@joints_checked
 def locate_tool(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> ToolPoses:
     """Tool poses by the nominal robot, and by the calibrated one in its calibrated base.
 
@@ -113,16 +116,14 @@ def locate_tool(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> T
         ReachError: joint positions that can only be degrees.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    alone = calibration.predict_covariance(q, model_error=False)[:, 0, :3, :3]
-    model_error = calibration.predict_covariance(q)[:, 0, :3, :3] - alone
-    variance = np.trace(calibration.tool_covariance(q)[:, :3, :3] + model_error, axis1=1, axis2=2)
     return ToolPoses(
         nominal=ErrorModel(calibration.model.robot).poses(q),
         calibrated=calibration.tool_in_base(q),
-        uncertainty=np.sqrt(np.maximum(variance, 0.0)),
+        uncertainty=np.sqrt(np.trace(calibration.tool_covariance(q)[:, :3, :3], axis1=1, axis2=2)),
     )
 
 
+@joints_checked
 def find_joints(
     source: ErrorModel | Calibration, T: Float[np.ndarray, "n 4 4"], seed: Float[np.ndarray, "n joints"] | None = None
 ) -> ToolJoints:

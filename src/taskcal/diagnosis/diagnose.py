@@ -9,13 +9,28 @@ from jaxtyping import Float, Int
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign, Stations, check_rows, name_moving
 from taskcal.diagnosis.drift import find_drift_or_slip, find_large_move
-from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, misfits
+from taskcal.diagnosis.fits import LEVER_SHARE, MIN_ERROR_M, fitted_distances, misfits, registered
 from taskcal.diagnosis.hypotheses import MISTAKES as MISTAKES
 from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, hypotheses_of, looked_for
-from taskcal.diagnosis.images import NOT_MENDED_OF_IMAGES, NOT_TOLD_OF_IMAGES, SeenPoses, pictures_of
-from taskcal.diagnosis.mistakes import common_shift, scale_mistakes, shift_fix, unit_mistakes
+from taskcal.diagnosis.images import (
+    NOT_MENDED_OF_IMAGES,
+    NOT_TOLD_BESIDE_FOCUS,
+    NOT_TOLD_OF_IMAGES,
+    SeenPoses,
+    pictures_of,
+)
+from taskcal.diagnosis.mistakes import (
+    MAX_SCATTER_RATIO,
+    common_shift,
+    find_wrong_rotations,
+    scale_mistakes,
+    scaled,
+    shift_fix,
+    unit_mistakes,
+)
 from taskcal.diagnosis.rows import Local, Pairing, pair_rows
 from taskcal.diagnosis.search import (
+    MAX_HELD_OUT_ROWS,
     MAX_TRIED_ROWS,
     MIN_CLOSED_SHARE,
     MIN_JUDGED_ROWS,
@@ -35,53 +50,59 @@ from taskcal.diagnosis.search import (
     typical,
     undone,
 )
-from taskcal.errors import CampaignError, UnitError
+from taskcal.errors import CampaignError, TaskcalError, UnitError
 from taskcal.estimation.matrices import single_threaded
-from taskcal.registration.plausibility import refuse_calculated
+from taskcal.estimation.ordered_rows import MIN_FACTOR
+from taskcal.identification.checks.checks import IN_BASE_SHARE, is_calculated
+from taskcal.identification.identify import identify
+from taskcal.registration.length_scale import find_length_scale
+from taskcal.registration.plausibility import is_in_base, refuse_calculated
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
 
 # Whether a campaign's poses are spread enough to tell frames and targets apart.
 
-MIN_SPREAD_SHARE = 0.07
-"""Of the reach, standard deviation of the positions along their longest direction: within less, an error of the base's place
-passes for one of the geometry. Measured campaigns of five robots, taken to calibrate them, have 0.08 at least."""
+MIN_SPREAD_SHARE = 0.03
+"""Of the reach, standard deviation of the positions along their longest direction: that of a box with edges of a tenth of the
+reach, smaller than what campaigns span. What is measured within less is right for a task there, and says little of the robot
+elsewhere."""
 
 MIN_TURN = 0.005
 """1 − cos² of the spread of orientations, 4° about each axis: within less a target's place is uncertain by ten times the error of
 a measured point."""
 
 
-@looked_for("poses", "small-workspace", "few-orientations")
-def find_narrowness(case: Case, error: float) -> list[Finding]:
-    """Findings on the spread of the poses, the worst first, with the error as given, metres."""
+def spread_said(case: Case) -> str:
+    """How little the positions spread, in words; empty where they span what campaigns do."""
+    p = case.usable()[1][:, :3, 3]
+    spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p))) if len(p) else 0.0
+    if spread >= MIN_SPREAD_SHARE * case.reach:
+        return ""
+    return (
+        f"the positions spread by {spread * 1e3:.0f} mm (1σ): enough for a task in this place; for one that is larger, measure "
+        "over its whole workspace"
+    )
+
+
+@looked_for("poses", "few-orientations")
+def find_narrowness(case: Case, error: float) -> Finding | None:
+    """Finding on orientations that hardly differ, with the error as given, metres."""
     T = case.usable()[1]
-    if len(T) < 2:
-        return []
-    p, R, reach = T[:, :3, 3], T[:, :3, :3].mean(axis=0), case.reach
-    spread = float(np.linalg.svd(p - p.mean(axis=0), compute_uv=False)[0] / np.sqrt(len(p)) / reach)
+    if len(T) < 2 or not _can_turn(case):
+        return None
+    R = T[:, :3, :3].mean(axis=0)
     turn = float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0])
-    out: list[tuple[float, Finding]] = []
-
-    def lacks(name: str, share: float, fix: str) -> None:
-        confidence = float(np.clip(1.0 - 0.5 * share, 0.0, 0.99))
-        found = Finding(id=name, subject=(), error_before=error, error_after=None, confidence=confidence, fix=fix)
-        out.append((share, found))
-
-    if spread < MIN_SPREAD_SHARE:
-        fix = (
-            f"the positions spread by {spread * reach * 1e3:.0f} mm only: measure poses over the whole task's workspace, "
-            f"{MIN_SPREAD_SHARE * reach * 1e3:.0f} mm (1σ) at least"
-        )
-        lacks("small-workspace", spread / MIN_SPREAD_SHARE, fix)
-    if turn < MIN_TURN and _can_turn(case):
-        fix = (
-            f"about one axis the orientations spread by {np.degrees(np.sqrt(max(turn, 0.0))):.1f}° only: measure poses that turn "
-            "the tool by 10° and more about all axes"
-        )
-        lacks("few-orientations", turn / MIN_TURN, fix)
-    return [finding for _, finding in sorted(out, key=lambda one: one[0])]
+    if turn >= MIN_TURN:
+        return None
+    fix = (
+        f"about one axis the orientations spread by {np.degrees(np.sqrt(max(turn, 0.0))):.1f}° only: measure poses that turn "
+        "the tool by 10° and more about all axes"
+    )
+    confidence = float(np.clip(1.0 - 0.5 * turn / MIN_TURN, 0.0, 0.99))
+    return Finding(
+        id="few-orientations", subject=(), error_before=error, error_after=None, confidence=confidence, fix=fix
+    )
 
 
 def _can_turn(case: Case) -> bool:
@@ -90,6 +111,32 @@ def _can_turn(case: Case) -> bool:
     T = case.model.poses(q) if case.robot.four_bar is None else np.tile(np.eye(4), (1, 1, 1))
     R = T[:, :3, :3].mean(axis=0)
     return case.robot.four_bar is not None or float(np.linalg.eigvalsh(np.eye(3) - R.T @ R)[0]) > MIN_TURN
+
+
+# Lengths that are all larger or smaller than the robot's by one factor, which is none of units.
+
+
+@looked_for("poses", "points-scaled")
+def find_scale(case: Case) -> tuple[Finding, float] | None:
+    """A scale of the points that robots within their tolerances do not have, and its value.
+
+    It is named where the nominal robot fits beside it, and not mended: the robot tells it to some thousandths only, and may be what
+    is wrong. A scale by which units may differ is left to them.
+    """
+    scale = find_length_scale(case.model, case.campaign)
+    if scale is None or not scale.named or scale.left > SOUND_SHARE * case.reach:
+        return None
+    if not 1.0 / MAX_SCATTER_RATIO < scale.value < MAX_SCATTER_RATIO:
+        return None
+    finding = Finding(
+        id="points-scaled",
+        subject=(f"{scale.value:.4f}",),
+        error_before=None,
+        error_after=None,
+        confidence=0.99,
+        fix=scale.said(),
+    )
+    return finding, scale.value
 
 
 # What is told where no usual mistake explains a campaign: rows in another order, or a robot that is not known.
@@ -325,7 +372,7 @@ MAX_COURSE_SHARE = 0.2
 """Median distance of the campaign as given over the reach, at most, where a slip, move or drift alone may explain it. A
 convention: beyond, joints or frames are wrong."""
 
-NOT_MENDED_BY_A_FILE = ("drift",)
+NOT_MENDED_BY_A_FILE = ("drift", "encoder-jumped", "clocks-apart", "few-digits", "two-robots")
 """Events during a campaign, which no change of the file can fix."""
 
 
@@ -344,6 +391,14 @@ class Diagnosis:
     """Ids of the findings that no change of the file can fix."""
     scope: str = ""
     """What was examined and what was not, where that is not everything."""
+    held_out: tuple[float, float] | None = None
+    """Root mean square error of rows held out, the geometry free within its tolerances, as given and mended, metres; infinite where
+    they cannot be registered. None where nothing is mended, or no tracker measured."""
+
+    @property
+    def mends(self) -> tuple[Finding, ...]:
+        """Findings that the mended campaign, or its robot, is without."""
+        return tuple(one for one in self.findings if not one.alternative and one.id not in self.unmended)
 
 
 @checked
@@ -353,9 +408,10 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
 
     Every usual mistake of joints, frames, rows and robot is undone, singly and in pairs; half of the rows register the nominal
     robot, the other half say how far off it is. A mistake is significant where undoing it lowers the geometric mean of that by a
-    factor of 2.2 at least. Rows that fit in another order alone are shuffled. Then slips, moves of the tracker, drifts and gross
-    rows are looked for with the geometry's tolerances free. What lowers the error by less than a factor of 1.05 is not told,
-    and of too few rows, or of one joint in motion, nothing but that.
+    factor of 2.2 at least, and one of joints or robot where the geometry within its tolerances does not stand in for it. Rows that
+    fit in another order alone are shuffled. Then slips, moves of the tracker, drifts and gross rows are looked for with the
+    geometry's tolerances free. What lowers the error by less than a factor of 1.05 is not told, nor what mends nothing on rows
+    held out, and of too few rows, or of one joint in motion, nothing but that.
 
     The confidence of a written mistake is its share among all explanations tried, each weighted with the inverse cube of its
     error (its mistakes paid for), so that two explanations that fit alike have one half each; that of slips and drifts grows
@@ -387,6 +443,50 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     if scope := scope_of(campaign):
         pictured = pictures_of(campaign) is not None
         return _diagnose_pictured(case, progress) if pictured else _diagnose_observed(case, scope, progress)
+    if (calculated := _calculated(case)) is not None:
+        return Diagnosis(findings=(calculated,), robot=robot, campaign=campaign, unmended=(calculated.id,))
+    if (first := _of_rotations_or_scale(case, progress)) is not None:
+        return first
+    return _with_held_out(_diagnose_tracked(case, progress), case)
+
+
+@looked_for("rows", "calculated-points")
+def _calculated(case: Case) -> Finding | None:
+    """The only finding where the controller's own positions were given for measured ones."""
+    rows, T = case.usable()
+    found = registered(case.campaign.take(rows), T)
+    if found is None or not is_in_base(found, IN_BASE_SHARE):
+        return None
+    try:
+        calibration = identify(case.model, case.campaign.take(rows))
+    except TaskcalError:
+        return None
+    if not is_calculated(calibration):
+        return None
+    fix = (
+        f"the nominal robot fits the points in its own base but for {found.rms * 1e3:.2g} mm rms of scatter: these are positions "
+        "that the controller or a simulation calculates; give those that an instrument measured"
+    )
+    return Finding(
+        id="calculated-points", subject=(), error_before=found.rms, error_after=None, confidence=0.99, fix=fix
+    )
+
+
+def _with_held_out(found: Diagnosis, case: Case) -> Diagnosis:
+    """The diagnosis with what its mended campaign leaves of rows held out; without what lowers nothing there."""
+    if not found.mends:
+        return found
+    mended = Case.of(found.robot, found.campaign)
+    before, after = (float(np.sqrt((_fitted_distances(one) ** 2).mean())) for one in (case, mended))
+    before *= extent(mended) / extent(case)  # in the unit that is right
+    if after < before or not np.isfinite(after):
+        return replace(found, held_out=(before, after))
+    left = tuple(one for one in found.findings if one.id in found.unmended)
+    return replace(found, findings=left, robot=case.robot, campaign=case.campaign)
+
+
+def _diagnose_tracked(case: Case, progress: Progress) -> Diagnosis:
+    """Diagnose what a tracker measured from one place."""
     found = explain_singly(case, progress)
     given = next(e for e in found if not e.mistakes)
     before = min(given.error, extent(case))
@@ -396,16 +496,13 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
             return moved
         reordered = find_other_order(case, before) if at_chance(case) else None
         if reordered is not None:
-            return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
+            return Diagnosis(findings=tuple(reordered[0]), robot=case.robot, campaign=reordered[1], unmended=())
         found = explain_in_pairs(case, progress)
         given = next(e for e in found if not e.mistakes)
+    found = _without_needless(found, case)
     best, local = _chosen(found, given)
     if not best.error <= PLAUSIBLE_SHARE * best.case.reach and local is None:
-        reordered = find_other_order(case, before)
-        if reordered is not None:
-            return Diagnosis(findings=tuple(reordered[0]), robot=robot, campaign=reordered[1], unmended=())
-        left = find_what_is_left(case, before)
-        return Diagnosis(findings=(left,), robot=robot, campaign=campaign, unmended=(left.id,))
+        return _unexplained(case, before, progress)
     findings = list(_written(found, best, given, before))
     mended, unmended = best.case.campaign, []
     if local is not None:
@@ -416,11 +513,17 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
         else:
             mended = without
     if not best.mistakes or local is None:
-        lacking = find_narrowness(best.case, given.error)
-        findings += lacking
-        unmended += [finding.id for finding in lacking]
+        if (lacking := find_narrowness(best.case, given.error)) is not None:
+            findings.append(lacking)
+            unmended.append(lacking.id)
         findings += _alternatives(found, best, given, before)
-    return Diagnosis(findings=tuple(findings), robot=best.case.robot, campaign=mended, unmended=tuple(unmended))
+    return Diagnosis(
+        findings=tuple(findings),
+        robot=best.case.robot,
+        campaign=mended,
+        unmended=tuple(unmended),
+        scope=spread_said(best.case),
+    )
 
 
 def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, progress: Progress) -> Diagnosis:
@@ -437,7 +540,7 @@ def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, pro
         if found.findings:
             ids = tuple(finding.id for finding in found.findings)
             scope = f"the findings are of station '{stations.names[k]}', examined by itself; no file without them is written"
-            return replace(found, campaign=campaign, unmended=ids, scope=scope)
+            return replace(found, campaign=campaign, unmended=ids, scope=scope, held_out=None)
         examined.append(stations.names[k])
     left = f"; too little to examine: {', '.join(short)}" if short else ""
     findings = () if examined or lacking is None else (lacking,)
@@ -464,7 +567,7 @@ def _diagnose_part(whole: Campaign, part: Campaign, robot: Robot, progress: Prog
     """Diagnose what the tracker measured alone; mended, a campaign has these targets and rows only."""
     found = diagnose(part, robot, progress=progress)
     others = ", ".join(name for name in whole.targets if name not in part.targets)
-    mended = len(found.findings) > len(found.unmended)
+    mended = bool(found.mends)
     scope = f"only what a tracker measured ({', '.join(part.targets)}) is examined; {others} and the rows without a tracker are not"
     return replace(
         found,
@@ -486,7 +589,9 @@ def _diagnose_pictured(case: Case, progress: Progress) -> Diagnosis:
     findings = [
         seen.tell(one)
         for one in found.findings
-        if one.id not in NOT_TOLD_OF_IMAGES and not (focus and one.id == "drift")
+        if one.id not in NOT_TOLD_OF_IMAGES
+        and not (focus and one.id in NOT_TOLD_BESIDE_FOCUS)
+        and not (one.id == "points-scaled" and seen.has_size_stated(case))
     ]
     findings += [] if focus is None else [focus]
     findings += [] if findings else seen.find_in_others()
@@ -549,9 +654,47 @@ def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagn
             finding = local[0]
             assert finding.error_after is not None
             rest = replace(best, error=finding.error_after)
-            findings = (*_written(found, rest, given, before), finding)
-            return Diagnosis(findings=findings, robot=best.case.robot, campaign=local[1], unmended=())
+            written, brought = _written(found, rest, given, before), replace(best.case, campaign=local[1])
+            also = find_drift_or_slip(replace(best, case=brought))
+            if also is not None and also[0].id == "two-robots":
+                findings, campaign, unmended = (*written, also[0]), best.case.campaign, (also[0].id,)
+            else:
+                findings, campaign, unmended = (*written, finding), local[1], ()
+            return Diagnosis(findings=findings, robot=best.case.robot, campaign=campaign, unmended=unmended)
     return None
+
+
+def _of_rotations_or_scale(case: Case, progress: Progress) -> Diagnosis | None:
+    """The diagnosis, where rotations or the scale of all lengths are wrong and positions tell so; the rest without these."""
+    if (turned := find_wrong_rotations(case)) is not None:
+        rest = diagnose(turned[1], case.robot, progress=progress)
+        return replace(rest, findings=(turned[0], *rest.findings))
+    if (scale := find_scale(case)) is None:
+        return None
+    finding, value = scale
+    rest = diagnose(scaled(case.campaign, 1.0 / value), case.robot, progress=progress)
+    campaign, unmended = scaled(rest.campaign, value), (finding.id, *rest.unmended)
+    return replace(rest, findings=(finding, *rest.findings), campaign=campaign, unmended=unmended)
+
+
+def _unexplained(case: Case, before: float, progress: Progress) -> Diagnosis:
+    """The diagnosis of what no usual mistake explains: rows in another order, rotations that fit no robot, or none of these."""
+    reordered = find_other_order(case, before)
+    if reordered is not None:
+        return Diagnosis(findings=tuple(reordered[0]), robot=case.robot, campaign=reordered[1], unmended=())
+    alone = None if case.campaign.rotations is None else _without_rotations(case, progress)
+    left = find_what_is_left(case, before)
+    return alone or Diagnosis(findings=(left,), robot=case.robot, campaign=case.campaign, unmended=(left.id,))
+
+
+def _without_rotations(case: Case, progress: Progress) -> Diagnosis | None:
+    """The diagnosis of positions alone, and of the rotations in the robot's joints as mended; None where that explains no more."""
+    found = diagnose(replace(case.campaign, rotations=None), case.robot, progress=progress)
+    if _left(found) == np.inf or len(found.campaign) != len(case.campaign):
+        return None
+    mended = replace(found.campaign, rotations=case.campaign.rotations)
+    turned = find_wrong_rotations(Case.of(found.robot, mended))
+    return turned and replace(found, findings=(*found.findings, turned[0]), campaign=turned[1])
 
 
 def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
@@ -574,6 +717,31 @@ def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
         "row names, the order of the rows, and the lengths in the robot file",
     )
     return Diagnosis(findings=(left,), robot=case.robot, campaign=case.campaign, unmended=(left.id,), scope=scope)
+
+
+def _without_needless(found: list[Explanation], case: Case) -> list[Explanation]:
+    """Explanations from the first on of which no geometry stands in for a mistake; the campaign as it is among them."""
+    for k, explanation in enumerate(found):
+        if all(_is_needed(mistake, explanation, case) for mistake in explanation.mistakes):
+            return [*found[k:], *(e for e in found[:k] if not e.mistakes)]
+    return [e for e in found if not e.mistakes]
+
+
+def _is_needed(mistake: Hypothesis, explanation: Explanation, case: Case) -> bool:
+    """Whether the geometry, free within its tolerances, predicts rows held out worse with a mistake of the joints or the robot."""
+    if mistake.measured is not None:  # no geometry stands in for a unit, a frame or an order
+        return True
+    others = [one for one in explanation.mistakes if one is not mistake]
+    return _fitted_error(undone(case, others)) > MIN_FACTOR * _fitted_error(explanation.case)
+
+
+def _fitted_error(case: Case) -> float:
+    """Typical distance of rows held out, the geometry free within its tolerances, metres."""
+    return float(np.exp(np.log(_fitted_distances(case)).mean()))
+
+
+def _fitted_distances(case: Case) -> Float[np.ndarray, " m"]:
+    return fitted_distances(case, spread_rows(len(case.campaign), MAX_HELD_OUT_ROWS))
 
 
 def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, Local | None]:

@@ -4,7 +4,7 @@ What the geometry may be off by is held by its tolerances, three times over; res
 stays of a mistake in some of the rows is seen beside errors of tenths of a millimetre, not beside those of the nominal robot.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,6 +14,7 @@ from taskcal.diagnosis.hypotheses import Case
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.registration.registration import Registration, register_closely
+from taskcal.robot.conditions import drive_motion
 
 TRUSTED_SHARE = 0.75
 """Share of the points that a fit follows; the others may be wrong. A convention between the share of wrong rows that is borne
@@ -25,6 +26,9 @@ MEDIAN_SIGMAS = 1.54
 PRIOR_SCALE = 3.0
 """Standard deviation of the geometry over its tolerances in the doctor's fit. A convention: a robot is rarely off by more; a
 looser one would follow slips."""
+
+ADDED_PRIOR = 1e-6
+"""Weight of the prior on frames, targets and what is added, in units of the geometry's: they are as good as free."""
 
 MIN_NOISE_M = 5e-5
 """Standard deviation at least, metres per axis. A convention: no nominal robot fits better."""
@@ -53,6 +57,8 @@ class LinearFit:
     """Of the registered nominal robot, metres."""
     turned: Float[np.ndarray, "m 3 3"]
     """From the tool to the tracker frame."""
+    joints: Float[np.ndarray, "m 3 joints"]
+    """Derivatives of the points by the turns of the drives."""
     noise: float
     """Standard deviation per axis, metres."""
     left: Float[np.ndarray, "m 3"]
@@ -72,6 +78,21 @@ class LinearFit:
         """Median distance, metres."""
         return float(np.median(self.distance))
 
+    @property
+    def trust(self) -> Float[np.ndarray, " m"]:
+        """Weight of each point in the robust fit."""
+        return _trust(self.distance, self.noise)
+
+    @property
+    def held_out(self) -> Float[np.ndarray, " m"]:
+        """How far the points of each half of the rows are off from the robust fit of the other half, metres."""
+        half = np.isin(self.rows, np.random.default_rng(0).permutation(np.unique(self.rows))[::2])
+        left, trust = np.empty_like(self.residual), self.trust
+        for own in (half, ~half):
+            solution = _solve(self.columns[own], self.held, self.residual[own], trust[own], self.noise)[0]
+            left[~own] = self.residual[~own] - self.columns[~own] @ solution
+        return np.linalg.norm(left, axis=1)
+
     def objective(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"] | None = None) -> float:
         """Smallest damped sum of squares, in units of the noise, with more columns free."""
         return _solve(self.columns, self.held, self.residual, weight, self.noise, added)[1]
@@ -85,6 +106,21 @@ class LinearFit:
     def size(self, weight: Float[np.ndarray, " m"], added: Float[np.ndarray, "m 3 b"]) -> Float[np.ndarray, " b"]:
         """Estimates of the added columns' coefficients."""
         return _solve(self.columns, self.held, self.residual, weight, self.noise, added)[0][self.columns.shape[2] :]
+
+
+def fitted_distances(case: Case, rows: Int[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
+    """How far the points of some rows are off from the robust fit of others, metres; infinite where they cannot be registered.
+
+    A measured rotation counts as three more points, at `LEVER_SHARE` of the reach along its axes.
+    """
+    campaign = case.campaign
+    if campaign.rotations is not None:
+        axes = LEVER_SHARE * case.reach * np.swapaxes(campaign.rotations, 1, 2)
+        points = np.concatenate([campaign.points, campaign.points + axes], axis=1)
+        names = (*campaign.targets, "x", "y", "z")
+        campaign = replace(campaign, targets=names, points=points, rotations=None, uncertainty=None)
+    fit = fit_linearly(replace(case, campaign=campaign), rows)
+    return np.array([np.inf]) if fit is None else np.maximum(fit.held_out, MIN_NOISE_M)
 
 
 def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
@@ -101,7 +137,8 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
     residual = campaign.points[row, target] - predicted
     J = case.model.jacobian(campaign.q)[row]
     arm = (T[row, :3, :3] @ offsets[target][:, :, None])[:, :, 0]
-    moved = J[:, :3] - np.cross(arm[:, None, :], np.swapaxes(J[:, 3:], 1, 2)).swapaxes(1, 2)
+    moved = se3.carry(J, arm)[:, :3]
+    joints = se3.carry(case.model.joint_jacobian(campaign.q)[row], arm)[:, :3] @ np.linalg.inv(drive_motion(case.robot))
     places = predicted - predicted.mean(axis=0)
     geometry = Z @ moved * (PRIOR_SCALE * case.model.tolerances)
     frames = frame_columns(places)
@@ -118,6 +155,7 @@ def fit_linearly(case: Case, rows: Int[np.ndarray, " k"]) -> LinearFit | None:
         held=held,
         residual=residual,
         turned=turned,
+        joints=Z @ joints,
         noise=noise,
         left=left,
         places=places,
@@ -162,12 +200,15 @@ def target_poses(registration: Registration, T: Float[np.ndarray, "n 4 4"]) -> F
     return (registration.T_tracker_base @ T)[:, None] @ registration.T_tool_target
 
 
+def _trust(distance: Float[np.ndarray, " m"], noise: float) -> Float[np.ndarray, " m"]:
+    return 1.0 / (1.0 + (distance / (TUNING_MEDIANS * MEDIAN_SIGMAS * noise)) ** 2) ** 2
+
+
 def _robustly(columns: np.ndarray, held: int, residual: np.ndarray) -> tuple[float, np.ndarray]:
     left, distance = residual, np.linalg.norm(residual, axis=1)
     noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
     for _ in range(ROBUST_ROUNDS):
-        weight = 1.0 / (1.0 + (distance / (TUNING_MEDIANS * MEDIAN_SIGMAS * noise)) ** 2) ** 2
-        solution = _solve(columns, held, residual, weight, noise)[0]
+        solution = _solve(columns, held, residual, _trust(distance, noise), noise)[0]
         left = residual - columns @ solution
         distance = np.linalg.norm(left, axis=1)
         noise = max(float(np.median(distance)) / MEDIAN_SIGMAS, MIN_NOISE_M)
@@ -183,8 +224,7 @@ def _solve(
     added: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float]:
     A = columns if added is None else np.concatenate([columns, added], axis=2)
-    prior = np.full(A.shape[2], 1e-6)
-    # frames, targets and what is added are as good as free
+    prior = np.full(A.shape[2], ADDED_PRIOR)
     prior[:held] = 1.0
     root = np.sqrt(weight)[:, None] / noise
     flat = (A * root[:, :, None]).reshape(-1, A.shape[2])

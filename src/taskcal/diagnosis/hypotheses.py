@@ -140,7 +140,7 @@ Finder = TypeVar("Finder", bound=Callable[..., Any])
 
 
 def looked_for(part: Part, *ids: str, without_tracker: bool = False) -> Callable[[Finder], Finder]:
-    """Decorator: enter the mistakes that a function or class finds, with their texts to be in ``studio/texts.toml``."""
+    """Decorator: enter the mistakes that a function or class finds, with their texts to be in ``taskcal_studio/texts.toml``."""
 
     def enter(find: Finder) -> Finder:
         MISTAKES.update({name: Mistake(id=name, part=part, find=find, without_tracker=without_tracker) for name in ids})

@@ -14,10 +14,14 @@ from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.observations import Pixels
 from taskcal.observations.camera import Pictures
 from taskcal.reading.pictures import FEWEST_SHIFTED, LOCK, BoardPoses, find_move, focus_drift, is_of_other_size
+from taskcal.registration.length_scale import board_said, find_length_scale
 
 NOT_TOLD_OF_IMAGES = ("inverse-poses", "small-workspace")
 """The first says no more than that the camera is beside the robot, or on the wrist, after all; and a camera that looks at a board
 cannot go as far as a target that a tracker follows."""
+
+NOT_TOLD_BESIDE_FOCUS = ("drift", "points-scaled")
+"""A focus that changes makes distances larger and smaller, and tells neither a drift nor the size of the board."""
 
 NOT_MENDED_OF_IMAGES = ("square-size", "mirrored-images", "fixture-moved", "drift", "focus-changed")
 """Mistakes that no change of the rows can fix."""
@@ -49,11 +53,7 @@ class SeenPoses:
         kind, campaign = pictures_of(case.campaign), case.campaign
         assert kind is not None
         poses, *others = BoardPoses.each(kind, case.poses(np.arange(len(campaign))))
-        M = np.tile(np.eye(4), (len(campaign), 1, 1))
-        M[:, :3, 3] = np.nan
-        M[poses.rows] = poses.mounts[0 if kind.on_wrist[poses.camera] else 1]
-        given = replace(campaign, points=M[:, None, :3, 3], rotations=np.ascontiguousarray(M[:, :3, :3]))
-        return cls(kind=kind, poses=poses, given=given, others=tuple(others))
+        return cls(kind=kind, poses=poses, given=poses.in_rows_of(campaign, kind), others=tuple(others))
 
     @property
     def board(self) -> str:
@@ -111,6 +111,11 @@ class SeenPoses:
             return None
         return Finding(id="focus-changed", subject=(), error_before=None, error_after=None, confidence=0.9, fix=said)
 
+    def has_size_stated(self, case: Case) -> bool:
+        """Whether what is stated of the board's size lets it be the scale of all lengths that the robot tells."""
+        scale = find_length_scale(case.model, self.campaign)
+        return scale is not None and not scale.differs(self.kind.u_scale[self.poses.board])
+
     def _depth_noise(self) -> float:
         """Standard deviation of the distance from camera to board by the noise of the corners, as a share of it."""
         settled = self.pictures.settle(self.pictures.camera)
@@ -153,6 +158,9 @@ class SeenPoses:
             return replace(finding, id="mirrored-images", subject=(), fix=fix)
         if finding.id in ("points-in-metres", "points-in-other-unit"):
             fix = "the size of the board is in another unit: correct the lengths in its file"
+            return replace(finding, id="square-size", subject=(self.board,), fix=fix)
+        if finding.id == "points-scaled":
+            fix = board_said("the board", float(finding.subject[0]))
             return replace(finding, id="square-size", subject=(self.board,), fix=fix)
         if finding.id == "station-moved":
             row, moved = self.given.ids.index(finding.subject[0]), re.search(r"[\d.]+ mm", finding.fix)

@@ -7,16 +7,26 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap, looked_for
+from taskcal.diagnosis.fits import LEVER_SHARE
+from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, JointMap, looked_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
+from taskcal.geometry.point_registration import closed_form_rotations
+from taskcal.registration.rotations import (
+    MAX_MENDED_RATIO,
+    MAX_MISFIT_RAD,
+    MAX_SHIFT_ROWS,
+    MIN_POSES,
+    fit_rotations,
+    misfit,
+)
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import robot_from
-from taskcal.tables.table import LENGTHS, PLURALS
+from taskcal.tables.table import ANGLES, LENGTHS, PLURALS
 
 # Joints in another unit, with other signs, zeros or couplings, or in another order.
 
@@ -48,6 +58,24 @@ def unit_mistakes(case: Case) -> Iterator[Hypothesis]:
             subject=names,
             joints=_map(np.diag(np.where(turning, 1.0 / DEGREES, 1.0))),
             fix="name the joint columns with _deg instead of _rad: they hold degrees",
+        )
+
+
+@looked_for("joints", "joints-in-other-unit")
+def _other_units_of_joints(case: Case) -> Iterator[Hypothesis]:
+    """Gon or turns that were taken for degrees or radians, where their size leaves it open."""
+    turning = ~np.array(case.robot.prismatic)
+    largest = np.abs(case.campaign.q[:, turning]).max(initial=0.0)
+    for taken, (unit, size) in itertools.product(("deg", "rad"), (("gon", ANGLES["gon"]), ("turns", 2.0 * np.pi))):
+        factor = size / ANGLES[taken]
+        if not MAX_TOO_SMALL_RAD < factor * largest < MIN_TOO_LARGE_RAD:
+            continue
+        yield Hypothesis(
+            id="joints-in-other-unit",
+            subject=tuple(name for name, turns in zip(case.robot.joint_names, turning, strict=True) if turns),
+            joints=_map(np.diag(np.where(turning, factor, 1.0))),
+            fix=f"the joints are in {unit}, not in {PLURALS[taken]}: multiply their columns by {factor:.6g}",
+            cost=0.05,
         )
 
 
@@ -276,6 +304,11 @@ def _inverses(case: Case) -> Iterator[Hypothesis]:
         )
 
 
+def scaled(campaign: Campaign, factor: float) -> Campaign:
+    """The campaign with all points farther from each other by a factor."""
+    return _scaled(campaign, np.full(len(campaign.targets), factor))
+
+
 def _scaled(campaign: Campaign, factors: Float[np.ndarray, " targets"]) -> Campaign:
     points = campaign.points * factors[:, None]
     if np.ptp(factors) > 0.0:  # of some targets alone
@@ -308,6 +341,92 @@ def _reordered(campaign: Campaign, taken: list[int]) -> Campaign:
 def _inverted(campaign: Campaign) -> Campaign:
     T = se3.inverse(se3.pose(_rotations(campaign), campaign.points[:, 0]))
     return replace(campaign, points=T[:, None, :3, 3].copy(), rotations=T[:, :3, :3].copy())
+
+
+# Rotations that cannot be those of their positions, which fit without them.
+
+
+@looked_for("poses", "rotations-unmeasured", "rotations-shifted", "rotations-turned", "rotations-unknown")
+def find_wrong_rotations(case: Case) -> tuple[Finding, Campaign] | None:
+    """What is wrong with rotations of single rows or of all, and the campaign with them right, or else without rotations.
+
+    None where they fit, or the positions do not.
+    """
+    fit = fit_rotations(case.model, case.campaign)
+    if fit is None:
+        return None
+    Y, looked_at, campaign = _rotations(case.campaign), fit.seen & ~fit.constant, case.campaign
+    before = float(np.median(fit.off[fit.wrong if fit.wrong.any() else fit.seen]))
+    without = replace(campaign, rotations=None)
+    _, inverse = _inverses(case)  # of poses, whose positions would not fit, and of rotations
+    if fit.shift:
+        mended = _with_rotations_of(campaign, fit.shift)
+        after = _left(fit.R, None, mended, looked_at)
+        return _of_rotations(
+            case, "rotations-shifted", (f"{fit.shift:+d}",), (before, after), _rotations_fix(fit.shift)
+        ), mended
+    tried = [*_quaternion_orders(case), inverse] if looked_at.sum() >= MIN_POSES else []
+    best = min(((_left(fit.R, one, campaign, looked_at), k) for k, one in enumerate(tried)), default=(np.inf, 0))
+    given = _left(fit.R, None, campaign, looked_at) if tried else 0.0
+    if best[0] <= min(MAX_MISFIT_RAD, MAX_MENDED_RATIO * given):
+        one = tried[best[1]]
+        assert one.measured is not None
+        mended = one.measured(campaign)
+        return _of_rotations(case, one.id, one.subject, (before, best[0]), one.fix), mended
+    if not fit.wrong.any():
+        return None
+    said, rows = (
+        fit.said(campaign),
+        () if fit.wrong[fit.seen].all() else tuple(np.array(campaign.ids)[fit.wrong].tolist()),
+    )
+    if fit.constant.any():
+        remedy = "measure the orientation there, or leave the rotation out of the file"
+        return _of_rotations(case, "rotations-unmeasured", rows, (before, None), f"{said}: {remedy}"), without
+    Z, X = closed_form_rotations(fit.R[looked_at], Y[looked_at])
+    own = np.linalg.norm(se3.log(np.swapaxes(Z @ fit.R[looked_at] @ X, 1, 2) @ Y[looked_at]), axis=1)
+    turn = se3.log(Z)
+    angle = float(np.linalg.norm(turn))
+    if np.median(own) <= MAX_MISFIT_RAD < angle:
+        axis = ", ".join(f"{part:.2f}" for part in turn / angle)
+        fix = (
+            f"rotations are in other axes than the positions, turned by {np.degrees(angle):.0f}° about ({axis}): 120° or 90° are "
+            "exchanged axes, 180° mirrored ones; write both in one frame, or leave the rotations out"
+        )
+        return _of_rotations(case, "rotations-turned", (), (before, float(np.median(own))), fix), without
+    remedy = (
+        "measure these rows again, or leave them out"
+        if len(rows)
+        else "neither another order of the quaternion, nor the inverse, other axes or other rows fit; state what the angles mean "
+        "(--angles; about z y z is none of them), or leave the rotations out"
+    )
+    return _of_rotations(case, "rotations-unknown", rows, (before, None), f"{said}: {remedy}"), without
+
+
+def _left(
+    R: Float[np.ndarray, "n 3 3"], one: Hypothesis | None, campaign: Campaign, looked_at: Bool[np.ndarray, " n"]
+) -> float:
+    """Median angle of rotations, without a mistake if one is named, radians."""
+    mended = campaign if one is None or one.measured is None else one.measured(campaign)
+    there = looked_at & mended.seen
+    return float(np.median(misfit(R, _rotations(mended), there)[there]))
+
+
+def _of_rotations(
+    case: Case, name: str, subject: tuple[str, ...], angles: tuple[float, float | None], fix: str
+) -> Finding:
+    """A finding whose errors are median angles, radians, at the arm at which a rotation counts."""
+    before, after = (None if angle is None else LEVER_SHARE * case.reach * angle for angle in angles)
+    return Finding(id=name, subject=subject, error_before=before, error_after=after, confidence=0.95, fix=fix)
+
+
+def _rotations_fix(by: int) -> str:
+    return shift_fix(by).replace("the points", "the rotations").replace("their joints", "their positions")
+
+
+def _with_rotations_of(campaign: Campaign, by: int) -> Campaign:
+    """The campaign with the rotation of row i + by at row i; nothing is seen where there is no such row."""
+    other = shifted(campaign, by)
+    return replace(campaign, rotations=other.rotations).without(~other.seen)
 
 
 # Another convention of the robot's table, or another robot of the same number of joints.
@@ -374,10 +493,6 @@ def _exchanged(description: Mapping[str, Any], convention: str) -> dict[str, Any
 
 
 # Points that stand some rows below or above their joints.
-
-MAX_SHIFT_ROWS = 12
-"""Rows, at most, of the shifts that are tried. A convention: who loses more rows at the top of a file sees it."""
-
 
 MIN_ALIKE_SHARE = 0.8
 """Share of the rows out of place, at least, that lie as many rows off for a shift. A convention: rows shuffled at random agree

@@ -10,6 +10,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.fits import LEVER_SHARE, LinearFit, registered, registered_trimmed, target_poses
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.diagnosis.search import SOUND_SHARE
+from taskcal.errors import listed
 from taskcal.geometry import se3
 from taskcal.registration.registration import Registration
 
@@ -184,7 +185,7 @@ class RowFault:
     def local(self, campaign: Campaign) -> Local:
         """The finding, and the campaign without it."""
         ids = tuple(campaign.ids[i] for i in self.rows)
-        shown = ", ".join(ids[:12]) + (f", … ({len(ids)} rows)" if len(ids) > 12 else "")
+        shown = listed(ids, 12) + (f" ({len(ids)} rows)" if len(ids) > 12 else "")
         finding = Finding(
             id=self.id,
             subject=self.targets or ids,

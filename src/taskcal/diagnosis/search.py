@@ -63,8 +63,8 @@ MIN_BEHIND_M = 5e-3
 allows for the registration's error."""
 
 TRAITS_MARGIN = 0.4
-"""Natural logarithm of the error's factor, 1.5, over the best within which explanations are looked at for unusual traits. A
-convention: more than two traits' charges, less than a mistake's."""
+"""Natural logarithm of the error's factor, 1.5, over the best within which explanations are looked at for unusual traits, and
+beyond it those that would come first without. A convention: more than two traits' charges, less than a mistake's."""
 
 MAX_COMPARED = 24
 """Explanations, at most, that are compared on held-out rows. A convention: more cost time in proportion."""
@@ -236,8 +236,13 @@ def _compared(case: Case, combinations: Iterable[Combination], progress: Progres
         error, level = float(np.median(distances)), typical(distances)
         rank = _rank(level, combination) + limits_charge(changed)
         out.append(Explanation(mistakes=combination, case=changed, error=error, rank=rank))
-    least = min(e.rank for e in out)
-    out = [replace(e, rank=e.rank + _unusual(e.case)) if e.rank < least + TRAITS_MARGIN else e for e in out]
+    out.sort(key=lambda e: e.rank)
+    margin, best = out[0].rank + TRAITS_MARGIN, np.inf
+    for k, e in enumerate(out):
+        if e.rank >= max(margin, best):
+            break
+        out[k] = replace(e, rank=e.rank + _unusual(e.case))
+        best = min(best, out[k].rank)
     return sorted(out, key=lambda e: e.rank)
 
 

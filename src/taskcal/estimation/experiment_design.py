@@ -9,10 +9,11 @@ also started from random choices, and the best end counts.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from taskcal.estimation.criteria import Criterion
 
 # What an information matrix, or a stack of sensitivities, says of its parameters.
 
@@ -49,8 +50,6 @@ def observability(singular_values: Float[np.ndarray, " p"], poses: int) -> Obser
         O5=float(len(s) / np.sum(1.0 / s)),
     )
 
-
-Criterion = Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"]
 
 SHORTLIST_SIZE = 200
 """Candidates of the largest D-gain among which a criterion of the spectrum is evaluated exactly."""

@@ -2,8 +2,8 @@
 
     y = A·x + e,   e ~ N(0, 1),   x_i ~ N(0, v_g) for every i of group g,   log v ~ N(m, Ω)
 
-Parameters without a group have a prior of their own. The log variances are those of the largest posterior, by Fisher scoring: with
-D the prior's variances, K = (1 + √D·AᵀA·√D)⁻¹ and u = K·√D·Aᵀy, posterior covariance and mean in units of the prior's deviations,
+Parameters without a group have a prior of their own. The log variances are those of the largest posterior (`noisy_rows`). With D
+the prior's variances, K = (1 + √D·AᵀA·√D)⁻¹ and u = K·√D·Aᵀy, posterior covariance and mean in units of the prior's deviations,
 
     ∂ℓ/∂log v_g = ½ Σ_i (u_i² − 1 + K_ii),   E[−∂²ℓ/∂log v_g ∂log v_h] = ½ Σ_ij (δ_ij − K_ij)²,   i of g, j of h
 
@@ -30,15 +30,6 @@ from taskcal.estimation.matrices import (
     turn_to_triangle,
 )
 from taskcal.kernels.chunks import in_chunks
-
-LARGEST_CHANGE = 10.0
-"""Factor by which one step of the scoring changes a variance, at most: far from the solution it overshoots."""
-
-MAX_STEPS = 40
-"""Of the scoring."""
-
-MIN_GAIN = 1e-2
-"""Expected gain of log posterior by the next step at which the scoring ends."""
 
 SCALE_RANGE = 1e-4, 1e4
 """Bounds of a single group's variance: a hundred times tighter or wider than stated."""
@@ -118,6 +109,12 @@ class Groups:
         """Groups whose size is to be found."""
         return np.flatnonzero(np.diag(self.spread) > 0.0)
 
+    def starting(self, log_variances: Float[np.ndarray, " groups"]) -> Float[np.ndarray, " groups"]:
+        """Log variances to start a search from: these, where they are to be found, and elsewhere those that are held."""
+        out = self.location.copy()
+        out[self.searched] = log_variances[self.searched]
+        return out
+
     @cached_property
     def precision(self) -> Float[np.ndarray, "searched searched"]:
         """Prior precision of the log variances that are to be found."""
@@ -189,12 +186,6 @@ class GroupEquations:
     def few(self) -> FewRows | None:
         """The rows, where they are fewer than parameters."""
         return None if self.rows is None else FewRows.of(*self.rows, self.groups)
-
-    def less(self, A: Float[np.ndarray, "rows p"], y: Float[np.ndarray, " rows"]) -> "GroupEquations":
-        """Equations without some of the rows."""
-        return GroupEquations(
-            groups=self.groups, given=self.H - A.T @ A, b=self.b - A.T @ y, square=self.square - float(y @ y)
-        )
 
     def at(self, log_variances: Float[np.ndarray, " groups"]) -> "Evidence":
         """Evidence at some sizes."""
@@ -285,6 +276,20 @@ class Evidence:
         free, own, known = (part.reshape(n, m, -1) for part in (free, own, own @ self._white.T))
         return free @ np.swapaxes(free, 1, 2) + own @ np.swapaxes(own, 1, 2) - known @ np.swapaxes(known, 1, 2)
 
+    def times_covariance(self, M: Float[np.ndarray, "p k"]) -> Float[np.ndarray, "p k"]:
+        """Posterior covariance times a matrix."""
+        few, groups = self.equations.few, self.equations.groups
+        if few is None:
+            return self.root[:, None] * solve_factored(self.factor, self.root[:, None] * M)
+        R, along, _ = few.free
+        f, k, root = groups.group < 0, groups.grouped, self.root[groups.grouped, None]
+        follow = np.linalg.solve(R, along) * root.T
+        own = root * M[k] - follow.T @ M[f]
+        own -= self._white.T @ (self._white @ own)
+        out = np.empty(M.shape)
+        out[k], out[f] = root * own, np.linalg.solve(R, np.linalg.solve(R.T, M[f])) - follow @ own
+        return out
+
     @property
     def effective_parameters(self) -> float:
         """How many parameters with a group the data determine: γ = Σ(1 − K_ii), each between 0 and 1 (MacKay 1992, eq. 4.9)."""
@@ -309,14 +314,6 @@ class Evidence:
         k = self.equations.groups.grouped
         return np.eye(own.stop - own.start, len(k) - own.start) - self.K[np.ix_(k[own], k[own.start :])]
 
-    def scores(self) -> tuple[Float[np.ndarray, " searched"], Float[np.ndarray, "searched searched"]]:
-        """Gradient and Fisher information of the searched log variances' posterior."""
-        groups = self.equations.groups
-        s = groups.searched
-        gradient = 0.5 * groups.member.T @ (self.u[groups.grouped] ** 2 - self.determined)
-        gradient = gradient[s] - groups.precision @ (self.log_variances - groups.location)[s]
-        return gradient, self.information[np.ix_(s, s)] + groups.precision
-
     @property
     def log_posterior(self) -> float:
         """Log posterior of the sizes."""
@@ -324,12 +321,18 @@ class Evidence:
         off = (self.log_variances - groups.location)[groups.searched]
         return self.log - 0.5 * float(off @ groups.precision @ off)
 
+    @property
+    def _searched_information(self) -> Float[np.ndarray, "searched searched"]:
+        """Fisher information of the log variances that are to be found, with their prior."""
+        groups = self.equations.groups
+        return self.information[np.ix_(groups.searched, groups.searched)] + groups.precision
+
     def draws(self, count: int, rng: np.random.Generator) -> "Sequence[Evidence]":
         """The model at sizes drawn in pairs about the likeliest ones; at these alone where no size is sought."""
         searched = self.equations.groups.searched
         if not len(searched) or count < 2:
             return [self]
-        spread = invert_triangular(np.linalg.cholesky(self.scores()[1])).T
+        spread = invert_triangular(np.linalg.cholesky(self._searched_information)).T
         out: list[Evidence] = []
         for _ in range(count // 2):
             step = np.zeros(len(self.log_variances))
@@ -389,43 +392,6 @@ class Evidence:
         return at.log - 0.5 * float(off @ expected @ off) - 0.5 * float(narrowed)
 
 
-def find_sizes(
-    equations: GroupEquations, start: Float[np.ndarray, " groups"], steps: int = MAX_STEPS, gain: float = MIN_GAIN
-) -> Evidence:
-    """The likeliest sizes of the groups, by Fisher scoring.
-
-    Args:
-        equations: of all parameters.
-        start: log variances to start from; those of held groups are not changed.
-        steps: of the scoring, at most.
-        gain: expected gain of log posterior at which it ends.
-    """
-    groups = equations.groups
-    s = groups.searched
-    theta = groups.location.copy()
-    theta[s] = start[s]
-    at = equations.at(theta)
-    for _ in range(steps):
-        gradient, information = at.scores()
-        step = np.linalg.solve(information, gradient)
-        if step @ gradient < gain:
-            break
-        # scoring of the variances themselves: exact in one step where the data know the parameters
-        step = np.log(np.clip(1.0 + step, 1.0 / LARGEST_CHANGE, LARGEST_CHANGE))
-        following, share = at, 1.0
-        while share > 1e-3:
-            theta = at.log_variances.copy()
-            theta[s] += share * step
-            following = equations.at(theta)
-            if following.log_posterior >= at.log_posterior:
-                break
-            share *= 0.5
-        else:
-            break
-        at = following
-    return at
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class VariancePosterior:
     """What the data say of the variance of a single group."""
@@ -466,7 +432,7 @@ class VariancePosterior:
 
 
 def variance_posterior(equations: GroupEquations) -> VariancePosterior:
-    """Posterior of the variance of a single group, where `find_sizes` finds the one that is most probable."""
+    """Posterior of the variance of a single group, where `noisy_rows.maximise` finds the one that is most probable."""
     k = equations.groups.grouped
     f = np.setdiff1d(np.arange(len(equations.b)), k)
     H, b = equations.H, equations.b

@@ -62,8 +62,8 @@ def factor_lower(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     return factor
 
 
-def solve_factored(L: Float[np.ndarray, "p p"], b: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-    """Solution of L·Lᵀ·x = b."""
+def solve_factored(L: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Solution of L·Lᵀ·x = b, or of several such equations, one a column."""
     return _lapack("potrs")(L, b, lower=True)[0] if len(L) else b.copy()
 
 
@@ -131,6 +131,12 @@ def factor_positive(C: Float[np.ndarray, "p p"], tolerance: float) -> Float[np.n
         upper = np.linalg.qr((vectors * np.sqrt(np.maximum(values, 0.0))).T).R
         factor = (upper * np.where(np.diag(upper) < 0.0, -1.0, 1.0)[:, None]).T
     return np.where(diagonal[:, None] > 0.0, factor / scale[:, None], 0.0)
+
+
+def root_of(covariance: Float[np.ndarray, "*n b b"]) -> Float[np.ndarray, "*n b b"]:
+    """R with R·Rᵀ = covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
 
 
 def invert_scaled(A: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:

@@ -9,7 +9,6 @@ from jaxtyping import Float
 from taskcal.arguments import checked
 from taskcal.errors import WrongValue
 from taskcal.estimation.matrices import invert_scaled
-from taskcal.kernels import points
 from taskcal.short_repr import short_repr
 
 
@@ -52,50 +51,3 @@ class GaussianPrior:
     def take(self, rows: "np.ndarray") -> "GaussianPrior":
         """The marginal prior of some of the parameters."""
         return GaussianPrior(self.mean[rows], self.covariance[np.ix_(rows, rows)])
-
-
-# Losses: how much a large residual counts.
-#
-# A loss acts on the root mean square z of one point's whitened residuals, so that it does not depend on the choice of
-# axes; a threshold of 1.5 means one and a half standard deviations.
-
-
-@dataclass(frozen=True)
-class Squared:
-    """Ordinary least squares."""
-
-    code = points.SQUARED
-    threshold: float = 1.0
-
-    def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
-        """Weight of each point."""
-        return np.ones_like(z)
-
-
-@checked
-@dataclass(frozen=True)
-class Huber:
-    """Squared up to the threshold, linear beyond (Huber 1964)."""
-
-    threshold: float = 1.5
-    code = points.HUBER
-
-    def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
-        """Weight of each point."""
-        return self.threshold / np.maximum(np.abs(z), self.threshold)
-
-
-@checked
-@dataclass(frozen=True)
-class Cauchy:
-    """Logarithmic beyond the threshold: a gross outlier counts for next to nothing."""
-
-    threshold: float = 2.4
-    code = points.CAUCHY
-
-    def weights(self, z: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:
-        """Weight of each point."""
-        return 1.0 / (1.0 + (z / self.threshold) ** 2)
-
-
-Loss = Squared | Huber | Cauchy

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.estimation.matrices import inverse_factors, invert_positive
+from taskcal.estimation.matrices import invert_positive
+from taskcal.estimation.noisy_rows import MIN_VARIANCE, NoisyRows, PoseNoise
 
 STARTS = 24
 """Subsets from which the search starts beside all rows: with a tenth of the rows wrong, twelve rows are all right with a chance of
@@ -47,52 +48,44 @@ UNDETERMINED = 1e-6
 class Sizes(NamedTuple):
     """Error of single rows, and scale of the prior."""
 
-    variances: Float[np.ndarray, " groups"]
-    """Beside the noise, of each axis: m², and rad² of a block's last three numbers."""
+    errors: PoseNoise
+    """Beside the noise."""
     factor: float
     """Of the prior's covariance."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinearRows:
-    """Rows y = A·d + e of targets with blocks of three or six numbers, and a prior of d about zero, in whose units d is."""
+class TrimmedRows:
+    """Rows of targets with blocks of three or six numbers, about where the unknowns are expected, in whose units they are."""
 
-    residual: Float[np.ndarray, "n targets b"]
-    by_entry: Float[np.ndarray, "n targets b z"]
-    noise: Float[np.ndarray, "n targets b b"]
-    """Covariance of the measurements."""
+    rows: NoisyRows
     measured: Bool[np.ndarray, "n targets b"]
     """Numbers that were."""
     limits: Float[np.ndarray, " targets"]
     """Standard deviations from which on a target is wrong."""
-    searched: tuple[bool, bool]
-    """Whether variances and factor are to be found."""
-    least_variance: float
-    """Under which there is nothing."""
-    known: Float[np.ndarray, "z z"]
-    """Information of what is known beside the measurements, but for the parameters …"""
-    told: Float[np.ndarray, " z"]
-    """… and its gradient."""
-    scaled: int
-    """Entries of d that have the prior's factor, the first ones."""
 
     @property
     def numbers(self) -> Int[np.ndarray, "n targets"]:
         """How many were measured of each target."""
         return self.measured.sum(axis=2)
 
+    @property
+    def told(self) -> Float[np.ndarray, " z"]:
+        """Gradient of what is known beside the measurements."""
+        A, y = self.rows.beside
+        return A.T @ y
+
     def weighed(self, sizes: Sizes) -> "_Weighed":
         """In units of noise and error."""
-        (n, targets, b), z = self.residual.shape, len(self.told)
-        W = inverse_factors(self.noise + np.diag(np.repeat(sizes.variances, 3)))
-        P = self.known.copy()
-        np.einsum("ii->i", P)[: self.scaled] += 1.0 / sizes.factor
+        rows, groups = self.rows, self.rows.groups
+        W, A, P = rows.whiteners(sizes.errors), rows.beside[0], groups.prior.copy()
+        P[groups.grouped, groups.grouped] /= sizes.factor
         return _Weighed(
             linear=self,
             sizes=sizes,
-            residual=(W @ self.residual[..., None]).reshape(n, targets * b),
-            by_entry=(W @ self.by_entry).reshape(n, targets * b, z),
-            precision=P,
+            residual=(W @ rows.y[..., None])[..., 0],
+            by_entry=rows.whitened(W),
+            precision=P + A.T @ A,
         )
 
 
@@ -100,7 +93,7 @@ class LinearRows:
 class _Weighed:
     """The same rows in units of their standard deviations."""
 
-    linear: LinearRows
+    linear: TrimmedRows
     sizes: Sizes
     residual: Float[np.ndarray, "n m"]
     by_entry: Float[np.ndarray, "n m z"]
@@ -174,7 +167,7 @@ class Agreement:
 
     def agreeing(self) -> Bool[np.ndarray, " n"]:
         """Rows whose residual is not too long for its standard deviation; of rows that were not fitted, their prediction's."""
-        n, targets, b = self.weighed.linear.residual.shape
+        n, targets, b = self.weighed.linear.measured.shape
         A, moved = (of.reshape(n, targets, b, -1) for of in (self.weighed.by_entry, self._moved))
         left, sign = self.left.reshape(n, targets, b), np.where(self.rows, -1.0, 1.0)[:, None, None, None]
         own = (1.0 + UNDETERMINED) * np.eye(b) + sign * (moved @ np.swapaxes(A, 2, 3))
@@ -192,22 +185,20 @@ class Agreement:
         """
         linear, sizes = self.weighed.linear, self.weighed.sizes
         share = float(self.rows.mean()) if trimmed else 1.0
-        n, targets, b = linear.residual.shape
+        n, targets, b = linear.measured.shape
         explained = np.sum(self._moved * self.weighed.by_entry, axis=2).reshape(n, targets, b)[self.rows]
         square = self.left.reshape(n, targets, b)[self.rows] ** 2
-        noise = np.einsum("ntii->nti", linear.noise)[self.rows]
-        factor, variances = sizes.factor, sizes.variances.copy()
-        for k in range(len(variances) if linear.searched[0] else 0):
+        noise = np.einsum("ntii->nti", linear.rows.noise)[self.rows]
+        factor, variances, groups = sizes.factor, sizes.errors.variances, linear.rows.groups
+        for k in range(len(variances) if sizes.errors.searched else 0):
             own = linear.measured[self.rows] & (np.arange(b) // 3 == k)
             if own.any():
                 total = (square * (noise + variances[k]))[own].sum() / max((1.0 - explained)[own].sum(), 1.0)
-                variances[k] = max(
-                    total * _consistency(share, linear.numbers) - noise[own].mean(), linear.least_variance
-                )
-        if linear.searched[1] and linear.scaled:
-            x, C = self.d[: linear.scaled], self.covariance[: linear.scaled, : linear.scaled]
+                variances[k] = max(total * _consistency(share, linear.numbers) - noise[own].mean(), MIN_VARIANCE)
+        if len(groups.searched) and len(groups.grouped):
+            x, C = self.d[groups.grouped], self.covariance[groups.block]
             factor = float((x @ x + 1.0) / (len(x) - np.trace(C) / factor + 1.0))
-        return Sizes(variances, factor)
+        return Sizes(sizes.errors.with_variances(variances), factor)
 
 
 def _consistency(share: float, numbers: Int[np.ndarray, "n targets"]) -> float:
@@ -219,19 +210,19 @@ def _consistency(share: float, numbers: Int[np.ndarray, "n targets"]) -> float:
 
 
 def _moved(after: Sizes, before: Sizes) -> float:
-    variances = np.abs(np.log(after.variances / before.variances)).max()
+    variances = np.abs(np.log(after.errors.variances / before.errors.variances)).max()
     return max(float(variances), abs(np.log(after.factor / before.factor)))
 
 
-def find_agreeing(linear: LinearRows, sizes: Sizes, count: int) -> Agreement:
+def find_agreeing(linear: TrimmedRows, sizes: Sizes, count: int) -> Agreement:
     """The rows that agree.
 
     Args:
         linear: the rows.
-        sizes: to start from, or to hold.
+        sizes: to start from, or to hold where they are not searched; no variance of an error is zero.
         count: of the rows that the trimmed sum counts.
     """
-    n, rng = len(linear.residual), np.random.default_rng(0)
+    n, rng = len(linear.measured), np.random.default_rng(0)
     starts = np.ones((1 + STARTS, n))
     if n > SUBSET_ROWS:
         starts[1:] = rng.permuted(np.tile(np.arange(n) < SUBSET_ROWS, (STARTS, 1)), axis=1)

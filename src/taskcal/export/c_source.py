@@ -264,11 +264,12 @@ def _branches(robot: Robot, words: Mapping[str, str]) -> dict[str, str]:
     middle = {"MIDDLE": _array(limits.mean(axis=1))}
     form = _closed_form(robot)
     if form is not None:
-        about = "All that the nominal robot has, but for one beside a singular wrist."
-        return middle | form | {"BRANCHES": _text("closed_form.c"), "INVERSE": about}
+        about = "Found from those of the nominal robot."
+        return middle | form | {"BRANCHES": _text("closed_form.c"), "INVERSE": about, "WHOLE": "True"}
     seeds = spread_postures(robot, SEEDS)
-    about = f"Found from {SEEDS} starts: some may be missing."
-    return middle | {"BRANCHES": _text("seeds.c"), "SEEDS": _array(seeds), "SEED_COUNT": str(SEEDS), "INVERSE": about}
+    about = f"Found from {SEEDS} starts: some may be missing, also where none is found."
+    words = {"SEEDS": _array(seeds), "SEED_COUNT": str(SEEDS), "INVERSE": about, "WHOLE": "False"}
+    return middle | words | {"BRANCHES": _text("seeds.c")}
 
 
 def _closed_form(robot: Robot) -> dict[str, str] | None:

@@ -23,17 +23,18 @@ ROS_MODELS = {"pinhole": "plumb_bob", "fisheye": "equidistant"}
 
 def pictured_target(calibration: Calibration) -> int | None:
     """Number of the target that images show, or from which they were taken; None without images."""
-    kinds = () if calibration.layout.fixed_frames else calibration.layout.kinds
-    return next((t for t, kind in enumerate(kinds) if isinstance(kind, Pixels) and kind.lenses), None)
+    kinds = zip(calibration.layout.kinds, calibration.layout.own, strict=True)
+    found = (t for t, (kind, own) in enumerate(kinds) if isinstance(kind, Pixels) and kind.lenses and not own.held)
+    return next(found, None)
 
 
 def unknowns_of(calibration: Calibration, t: int) -> tuple[Pixels, dict[str, float], dict[str, float]]:
     """What images of a target show, and its unknowns and their standard errors by their names, metres, radians and thousands."""
     kind, own = calibration.layout.kinds[t], calibration.layout.own[t]
     assert isinstance(kind, Pixels)
-    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[own]
+    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[own.columns]
     values, errors = (
-        dict(zip(kind.unknowns, numbers.tolist(), strict=True)) for numbers in (calibration.z[own], deviation)
+        dict(zip(kind.unknowns, numbers.tolist(), strict=True)) for numbers in (own.of(calibration.z), deviation)
     )
     return kind, values, errors
 
@@ -49,8 +50,9 @@ def place_of(calibration: Calibration, t: int, name: str) -> tuple[Float[np.ndar
     kind, layout, T = calibration.layout.kinds[t], calibration.layout, calibration.T_tool_target[t]
     assert isinstance(kind, Pixels)
     by = np.zeros((1, 6, len(calibration.z)))
-    by[0, :3, layout.places[t][:3]] = by[0, 3:, layout.places[t][3:]] = T[:3, :3].T
-    at = kind.place_on_robot(name, Posed(T[None], by), calibration.z[layout.own[t]], layout.own[t])
+    place, own = layout.places[t].columns, layout.own[t]
+    by[0, :3, place[:3]] = by[0, 3:, place[3:]] = T[:3, :3].T
+    at = kind.place_on_robot(name, Posed(T[None], by), own.of(calibration.z), own.columns)
     return at.T[0], at.by[0] @ calibration.z_covariance @ at.by[0].T
 
 

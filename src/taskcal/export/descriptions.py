@@ -241,6 +241,7 @@ def _written(chain: CalibratedChain, form: Form, shapes: Mapping[str, Sequence[S
     return Written(text=text, poses=chain.poses, remarks=tuple(remarks))
 
 
+@checked
 def export_urdf(
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None = None,
@@ -283,8 +284,8 @@ def export_samples(
 ) -> Export:
     """Export robots drawn from the posterior, as to train a controller on all that the robot may be.
 
-    Their tool points spread as `Calibration.tool_covariance` has it in the measured range. What the model does not explain of a
-    single pose (`Calibration.model_error`) is no robot's geometry, and not in them.
+    Their tool points spread as `Calibration.tool_covariance` has it in the measured range without its ``model_error``: what errs at
+    a single pose is no robot's geometry, and not in them.
 
     Args:
         calibration: the robot.

@@ -13,7 +13,7 @@ from taskcal.export.camera import export_camera_info, export_camera_toml, export
 from taskcal.export.descriptions import NAMES, Form, export_description
 from taskcal.export.forms import Export, export_dh, export_flexiv_yaml, export_ur_yaml, export_xarm_yaml
 from taskcal.identification.calibration import Calibration
-from taskcal.plugins import load_plugins, state_faults
+from taskcal_groundwork.plugins import load_plugins, state_faults
 
 Writer = Callable[[Calibration, Float[np.ndarray, "n joints"] | None, bool], Export]
 

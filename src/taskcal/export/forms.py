@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.arguments import checked
+from taskcal.arguments import checked, joints_checked
 from taskcal.errors import TaskcalError, WrongValue, shown
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
@@ -22,6 +22,7 @@ ROUNDING = 1e-8
 """Metres at the tool that the digits of a file may cost: 10 nm, far below any tracker's noise."""
 
 
+@joints_checked
 @dataclass(frozen=True, kw_only=True)
 class Loss:
     """Distance of a form's TCP from the calibration's, metres."""
@@ -351,8 +352,20 @@ def export_flexiv_yaml(
     return export_as("Flexiv's YAML", _flexiv_yaml, calibration, q, **keys)
 
 
+PARALLEL_AXES = (0.0, 1.0, 1.0, 0.0, 0.0)
+"""Of Universal Robots' arms: cosines between the axes of neighbouring joints; shoulder lift, elbow and wrist 1 are parallel."""
+
+
 def _ur_yaml(chain: CalibratedChain) -> Written:
-    return _kinematics(chain, LINKS, "a UR", (f"  hash: taskcal_{chain.robot.digest}",))
+    written = _kinematics(chain, LINKS, "a UR", (f"  hash: taskcal_{chain.robot.digest}",))
+    R = ErrorModel(chain.robot).poses(np.vstack([np.zeros(len(LINKS)), 0.1 * np.eye(len(LINKS))]))[:, :3, :3]
+    axis = se3.log(R[1:] @ R[0].T) / 0.1
+    if not np.allclose(np.abs((axis[1:] * axis[:-1]).sum(axis=1)), PARALLEL_AXES, atol=1e-6):
+        raise TaskcalError(
+            f"{chain.robot.name} is not built like a UR, whose axes 2, 3 and 4 are parallel and the others at right angles: its "
+            "drivers would take the file for another arm; write a URDF (--form urdf)"
+        )
+    return written
 
 
 def _xarm_yaml(chain: CalibratedChain) -> Written:

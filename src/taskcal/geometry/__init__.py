@@ -1,5 +1,5 @@
 """Rigid transforms, Euler angles, the four-bar closure, point registration. NumPy only: knows no robot."""
 
-from taskcal.public_names import load_lazily
+from taskcal_groundwork.public_names import load_lazily
 
 __getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from robot_programs.core.helper import Computed, Dialect
 from taskcal.geometry.se3 import error_transform
 from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain
 
@@ -275,52 +276,29 @@ def statements(pool: Pool, results: Mapping[str, Any] | Sequence[tuple[str, Any]
 # The same in languages of robot controllers: short lines, few variables, angles in degrees.
 
 
-class Dialect(NamedTuple):
-    """How a language writes arithmetic."""
+def _applied(dialect: Dialect, name: str, pieces: "Sequence[_Piece]") -> str:
+    """A function of some arguments.
 
-    number: Callable[[float], str]
-    functions: Mapping[str, str]
-    """By name of the expression; a format of the arguments."""
-    variable: str
-    """A format of its number, from 1 on."""
-    assignment: str
-    """A format of variable and value."""
-    degrees: Mapping[str, str] | None = None
-    """Where functions take and give degrees: inputs that are angles in radians, and what they are called in degrees."""
-
-    def applied(self, name: str, pieces: "Sequence[_Piece]") -> str:
-        """A function of some arguments.
-
-        Raises:
-            TypeError: the language does not have it.
-        """
-        if name not in self.functions:
-            raise TypeError(f"it takes {name}, which the language does not have")
-        texts = [piece.text for piece in pieces]
-        if self.degrees is not None and name in ("sin", "cos"):
-            (piece,) = pieces
-            texts = [self.degrees.get(piece.text, f"{self.number(math.degrees(1.0))}*{piece.within(2)}")]
-        text = self.functions[name].format(*texts)
-        if self.degrees is not None and name == "atan2":
-            text = f"({self.number(math.radians(1.0))}*{text})"
-        return text
+    Raises:
+        TypeError: the language does not have it.
+    """
+    if name not in dialect.functions:
+        raise TypeError(f"it takes {name}, which the language does not have")
+    texts = [piece.text for piece in pieces]
+    if dialect.degrees is not None and name in ("sin", "cos"):
+        (piece,) = pieces
+        texts = [dialect.degrees.get(piece.text, f"{dialect.number(math.degrees(1.0))}*{piece.within(2)}")]
+    text = dialect.functions[name].format(*texts)
+    if dialect.degrees is not None and name == "atan2":
+        text = f"({dialect.number(math.radians(1.0))}*{text})"
+    return text
 
 
 MAX_TEXT = 96
 """Characters of a value; controllers' editors show lines of some 120."""
 
 
-class StraightLine(NamedTuple):
-    """Assignments that compute some expressions."""
-
-    lines: list[str]
-    variables: int
-    """That are used again and again."""
-    operations: int
-    """Sums, products, quotients and functions."""
-
-
-def straight_line(pool: Pool, results: Mapping[str, Any], dialect: Dialect) -> StraightLine:
+def straight_line(pool: Pool, results: Mapping[str, Any], dialect: Dialect) -> Computed:
     """Write expressions in a language of few variables: what is used once stands where it is used.
 
     Args:
@@ -362,7 +340,8 @@ def straight_line(pool: Pool, results: Mapping[str, Any], dialect: Dialect) -> S
         texts[one.number] = piece
     for place, value in wanted.items():
         write(place, texts[value.number])
-    return StraightLine(lines, variables, sum(one.key[0] not in ("constant", "input") for one in needed))
+    operations = sum(one.key[0] not in ("constant", "input") for one in needed)
+    return Computed(lines=lines, variables=variables, operations=operations)
 
 
 class _Piece(NamedTuple):
@@ -392,7 +371,7 @@ def _piece(one: Expression, texts: Mapping[int, _Piece], dialect: Dialect) -> _P
         return _Piece(f"{pieces[0].within(0)}+{pieces[1].within(1)}", 0, reads)
     if name in "*/":
         return _Piece(f"{pieces[0].within(1)}{name}{pieces[1].within(2)}", 1, reads)
-    return _Piece(dialect.applied(name, pieces), 2, reads)
+    return _Piece(_applied(dialect, name, pieces), 2, reads)
 
 
 # A chain gone through in expressions; `walk` says what is computed, here it is noted.

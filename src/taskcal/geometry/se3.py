@@ -1,20 +1,23 @@
 """Rigid transforms: those of the library of programs, with what calibrating needs beside them, and transforms in files."""
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.se3 import apply as apply
-from robot_programs.core.se3 import exp as exp
-from robot_programs.core.se3 import from_quaternion as from_quaternion
-from robot_programs.core.se3 import inverse as inverse
-from robot_programs.core.se3 import log as log
-from robot_programs.core.se3 import pose as pose
-from robot_programs.core.se3 import rotation as rotation
-from robot_programs.core.se3 import to_quaternion as to_quaternion
-from robot_programs.core.se3 import translation as translation
 from taskcal.errors import TaskcalError
+from taskcal.io.codec import LACKS, InFile
+from taskcal.io.toml_file import Direction, Quaternion
+from taskcal_groundwork.se3 import apply as apply
+from taskcal_groundwork.se3 import exp as exp
+from taskcal_groundwork.se3 import from_quaternion as from_quaternion
+from taskcal_groundwork.se3 import inverse as inverse
+from taskcal_groundwork.se3 import log as log
+from taskcal_groundwork.se3 import pose as pose
+from taskcal_groundwork.se3 import rotation as rotation
+from taskcal_groundwork.se3 import to_quaternion as to_quaternion
+from taskcal_groundwork.se3 import translation as translation
 
 
 def left_jacobian(w: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -82,36 +85,10 @@ def error_transform(e: Float[np.ndarray, "*b 6"]) -> Float[np.ndarray, "*b 4 4"]
     return pose(turns("xyz", e[..., 3:]), e[..., :3])
 
 
-# Arrays and rigid transforms as files describe them: nested lists, checked.
+# Rigid transforms and directions in files.
 
 RIGID_TOLERANCE = 1e-6
 """How far a transform's rotation may be from one; files keep sixteen digits."""
-
-
-def array_of(key: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Nested lists of numbers as an array; NaN for null.
-
-    Raises:
-        TaskcalError: they have another shape, or none; the message names the key.
-    """
-    try:
-        array = np.array(values, dtype=float)
-    except ValueError as error:
-        raise TaskcalError(f"the rows of '{key}' differ in length") from error
-    if array.size == 0 and 0 in shape:  # nothing was estimated: JSON has no empty matrix
-        array = np.zeros(shape)
-    return of_shape(key, array, shape)
-
-
-def of_shape(key: str, array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """An array, where it has this shape.
-
-    Raises:
-        TaskcalError: it has another.
-    """
-    if array.shape != shape:
-        raise TaskcalError(f"'{key}' has shape {array.shape}, not {shape}")
-    return array
 
 
 def rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4"]:
@@ -130,3 +107,38 @@ def rigid(key: str, T: Float[np.ndarray, "*n 4 4"]) -> Float[np.ndarray, "*n 4 4
                 f"{place} is not a rigid transform: its axes have length {scale:.6g} and are {off:.2g} off"
             )
     return T
+
+
+def placement(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
+    """A pose for people: position in millimetres, orientation as a quaternion ``qx qy qz qw``."""
+    position = [round(float(value) * 1e3, 9) for value in T[:3, 3]]
+    return {"position_mm": position, "quaternion": to_quaternion(T[None, :3, :3])[0].tolist()}
+
+
+RIGID = InFile(read=rigid)
+"""Of a field that holds transforms."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StatedPose:
+    """A pose as people write it."""
+
+    position: Annotated[Float[np.ndarray, " 3"], InFile(unit="mm")]
+    quaternion: Annotated[Quaternion, LACKS] = (0.0, 0.0, 0.0, 1.0)
+
+    @classmethod
+    def of(cls, T: Float[np.ndarray, "4 4"]) -> "StatedPose":
+        """Of a transform."""
+        qx, qy, qz, qw = to_quaternion(T[:3, :3]).tolist()
+        return cls(position=T[:3, 3], quaternion=(qx, qy, qz, qw))
+
+    def transform(self) -> Float[np.ndarray, "4 4"]:
+        """The transform."""
+        return pose(from_quaternion(np.array(self.quaternion)), self.position)
+
+
+POSE = InFile(kind=StatedPose, write=StatedPose.of, read=lambda _, stated: stated.transform())
+"""Of a transform that people write."""
+
+DIRECTION = InFile(kind=Direction, write=np.ndarray.tolist, read=lambda _, way: np.array(way) / np.linalg.norm(way))
+"""Of a direction of unit length, which people write in any."""

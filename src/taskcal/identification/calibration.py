@@ -2,9 +2,8 @@
 
 import base64
 import binascii
-import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -13,25 +12,38 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from taskcal.arguments import checked
+from taskcal.arguments import checked, joints_checked
 from taskcal.campaigns.campaign import Campaign, Stations, named_file
 from taskcal.errors import CampaignError, FileError, FitError, TaskcalError, shown
-from taskcal.estimation.matrices import factor_positive, single_threaded
+from taskcal.estimation.matrices import factor_positive, root_of, single_threaded
 from taskcal.geometry import se3
-from taskcal.geometry.se3 import array_of, of_shape, rigid
-from taskcal.identification.calibration_format import FORMAT, FORMAT_VERSION, read_envelope
+from taskcal.geometry.se3 import RIGID
+from taskcal.identification.calibration_format import CALIBRATION
 from taskcal.identification.held_out import NO_UNCERTAINTY, HeldOut, LeftOut, Outlier, shared_with_neighbours
 from taskcal.identification.layout import Layout
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.problem import Rows, Seen, joint_columns
+from taskcal.io.codec import (
+    GAPS,
+    NOT_IN_FILE,
+    ONLY_WHERE_KNOWN,
+    InFile,
+    Marked,
+    consistent,
+    describe,
+    schema_of,
+    shaped,
+    value_of,
+    values_of,
+)
 from taskcal.io.files import write_whole
-from taskcal.io.json_file import ON_PURPOSE, note_of_edits, parse_json, sealed, unseal, without_seal
-from taskcal.io.toml_file import Finite, NotNegative, Section, explain
+from taskcal.io.json_file import note_of_edits, parse_json, without_seal
+from taskcal.io.toml_file import Finite, NotNegative, Ratio, Section
 from taskcal.kernels import walk
 from taskcal.observations import Observation, Point, Pose, block_size, kind_of
-from taskcal.registration.registration_file import RegistrationSection, describe_registration
+from taskcal.registration.registration import Registration
 from taskcal.registration.stations import frame_of_points
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Effect, LinearTerm, effect_from
@@ -108,120 +120,24 @@ def unpack_factor(described: dict[str, Any]) -> list[list[float]]:
     return [row.tolist() for row in np.split(numbers, np.cumsum(np.arange(1, size)))] if size else []
 
 
-def factor_of(rows: Sequence[Sequence[float]], size: int) -> Float[np.ndarray, "z z"]:
+def factor_of(rows: Sequence[Sequence[float]]) -> Float[np.ndarray, "z z"]:
     """The factor that has these rows up to the diagonal.
 
     Raises:
-        TaskcalError: there are more or fewer rows, or one has another number of entries.
+        TaskcalError: a row has another number of entries.
     """
-    if len(rows) != size:
-        raise TaskcalError(f"'covariance_factor' has {len(rows)} rows, not {size}")
-    B = np.zeros((size, size))
-    for i, row in enumerate(rows):
-        if len(row) != i + 1:
-            raise TaskcalError(f"'covariance_factor' {i + 1} has {len(row)} numbers, not {i + 1}")
-        B[i, : i + 1] = row
+    for i, row in enumerate(rows, start=1):  # before there is room for so many
+        if len(row) != i:
+            raise TaskcalError(f"'covariance_factor' {i} has {len(row)} numbers, not {i}")
+    B = np.zeros((len(rows), len(rows)))
+    B[np.tril_indices(len(B))] = [number for row in rows for number in row]
     return B
 
 
-# What a calibration file holds: numbers, names and texts of a calibration, as JSON has them.
-
-
-def describe_calibration(calibration: "Calibration") -> dict[str, Any]:
-    """The content of a calibration's file."""
-    return {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "provenance": asdict(calibration.provenance),
-        "robot": dict(calibration.model.robot.description),
-        "lengths_only": calibration.model.lengths_only,
-        "units": "metres and radians",
-        "effects": [effect.to_json() for effect in calibration.model.effects],
-        "kept": list(calibration.kept),
-        "targets": list(calibration.targets),
-        "pose": calibration.layout.pose,
-        "observations": _describe_observations(calibration),
-        "fixed_frames": calibration.layout.fixed_frames,
-        "turned": calibration.layout.pose and not calibration.layout.fixed_frames,
-        "registration": describe_registration(calibration.layout.registration),
-        "names": list(calibration.all_names),
-        "estimate": calibration.z.tolist(),
-        "covariance_factor": describe_factor(calibration.z_spread),
-        "T_tracker_base": calibration.T_tracker_base.tolist(),
-        **_describe_stations(calibration.layout.stations),
-        "T_tool_target": calibration.T_tool_target.tolist(),
-        "model_error": list(calibration.model_error),
-        "joint_error": list(calibration.joint_error),
-        "range_growth": calibration.range_growth,
-        "prior_scale": calibration.prior_scale,
-        "group_deviations": None if calibration.group_deviations is None else calibration.group_deviations.tolist(),
-        **count_parameters(calibration),
-        "log_evidence": calibration.log_evidence,
-        "ids": list(calibration.ids),
-        "q": calibration.q.tolist(),
-        "residuals": _without_nan(calibration.residuals),
-        "studentised": _without_nan(calibration.studentised),
-        "outliers": [asdict(outlier) for outlier in calibration.outliers],
-        "left_out": [asdict(row) for row in calibration.left_out],
-        "held_out": None if calibration.held_out is None else _describe_held_out(calibration.held_out),
-        "iterations": calibration.iterations,
-        "rounds": calibration.rounds,
-        "reason": calibration.reason,
-        "remarks": list(calibration.remarks),
-        "edited": list(calibration.edited),
-    }
-
-
-def _describe_stations(stations: Stations | None) -> dict[str, Any]:
-    """Describe where a tracker stood that was moved; nothing of one whose station is not named."""
-    if stations is None:
-        return {}
-    T = stations.T_first_station.tolist()
-    return {"stations": {"names": list(stations.names), "of": stations.of.tolist(), "T_first_station": T}}
-
-
-def count_parameters(calibration: "Calibration") -> dict[str, float | int]:
-    """Groups with a size, and effective parameters; nothing that is not known."""
-    counts = {
-        "effective_parameters": calibration.effective_parameters,
-        "parameter_groups": calibration.parameter_groups,
-    }
-    return {key: value for key, value in counts.items() if value is not None}
-
-
-def _describe_held_out(held_out: "HeldOut") -> dict[str, Any]:
-    return {
-        "by": held_out.by,
-        "folds": held_out.folds,
-        "rows": held_out.rows.tolist(),
-        "part": held_out.part.tolist(),
-        "residuals": _without_nan(held_out.residuals),
-        "nominal": _without_nan(held_out.nominal),
-        "inside": _truths(held_out.inside),
-        "rotation_inside": _truths(held_out.rotation_inside),
-    }
-
-
-def _describe_observations(calibration: "Calibration") -> list[dict[str, Any]]:
-    """Describe the kind of observation of each target; none where a tracker measured all."""
-    layout = calibration.layout
-    if layout.tracked:
-        return []
-    unknowns = layout.unknowns(calibration.z)
-    return [
-        {"kind": kind.key, "options": kind.describe(), "unknowns": unknown.tolist()}
-        for kind, unknown in zip(layout.kinds, unknowns, strict=True)
-    ]
-
-
-def _truths(array: Float[np.ndarray, "n targets"] | None) -> list[list[bool | None]] | None:
-    return None if array is None else [[None if np.isnan(v) else bool(v) for v in row] for row in array]
-
-
-def _without_nan(array: np.ndarray) -> list[Any]:
-    out = array.astype(object)
-    out[np.isnan(array)] = None
-    return out.tolist()
+FACTOR = InFile(
+    key="covariance_factor", kind=list[list[Finite]], write=describe_factor, read=lambda _, rows: factor_of(rows)
+)
+"""Of a field that is a factor."""
 
 
 # Which parameters the data of a calibration inform, and which its prior alone holds.
@@ -272,6 +188,16 @@ def tells_nothing(
     told = np.maximum(standard_errors**-2 - (scale * tolerances) ** -2, 0.0)
     unseen = 1.0 / np.sqrt(1.0 + told * (likeliest_scale * tolerances) ** 2)
     return bool((unseen > UNINFORMED_SHARE).all())
+
+
+FILE_IN_DOUBT = "robot file in doubt: "
+"""Beginning of remarks that the robot file, or the joints as it counts them, may not be those of this robot."""
+
+SCALE_IN_DOUBT = "scale in doubt: "
+"""Beginning of remarks that all measured lengths may be wrong by one factor, which rows that were held out do not show."""
+
+COURSE_IN_DOUBT = "course in doubt: "
+"""Beginning of remarks that something happened between the rows, which rows that were held out went through, too."""
 
 
 # What a calibration reports: parameters with their standard errors, model error, correlations, points that do not
@@ -327,7 +253,7 @@ def list_stations(calibration: "Calibration") -> list[dict[str, Any]]:
         return out
     deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))
     for k, (name, T) in enumerate(calibration.stations.items()):
-        own = 1e3 * deviation[calibration.layout.frame_columns(k)]
+        own = 1e3 * deviation[calibration.layout.bases[k].columns]
         out.append(
             {
                 "name": name,
@@ -354,7 +280,7 @@ def list_unknowns(calibration: "Calibration") -> list[dict[str, Any]]:
     for target, kind, own, values in zip(
         layout.targets, layout.kinds, layout.own, layout.unknowns(calibration.z), strict=True
     ):
-        errors = np.full(len(values), np.nan) if layout.fixed_frames else deviation[own]
+        errors = np.full(len(values), np.nan) if own.held else deviation[own.columns]
         unknowns = {
             name: _in_unit(kind.units.get(name.rpartition(".")[2], ShownUnit.of("m")), float(value), float(error))
             for name, value, error in zip(kind.unknowns, values, errors, strict=True)
@@ -482,8 +408,7 @@ def residuals_on(
 
 def observed_kinds(calibration: "Calibration", campaign: Campaign) -> tuple[Observation, ...]:
     """Kind of observation of each target of a campaign; a pose's point alone where the calibration knows no rotation."""
-    one = Pose() if campaign.rotations is not None and calibration.layout.pose else Point()
-    return campaign.observations or (one,) * len(campaign.targets)
+    return campaign.observed if calibration.layout.pose else campaign.observations or (Point(),) * len(campaign.targets)
 
 
 def unknowns_of(
@@ -562,21 +487,18 @@ def _covariance_by_kind(
     kinds, numbers = observed_kinds(calibration, campaign), calibration.rows_of(campaign.targets)
     located = _located(calibration, campaign, settled=settled)
     rows, n, b = _rows_on(calibration, campaign, [unknown for unknown, _ in located]), len(campaign), block_size(kinds)
-    layout, growth = rows.layout, calibration.growth_at(campaign.q)[:, None]
+    layout = rows.layout
     by_entry = rows.linearise().by_entry.reshape(n, len(layout.targets), -1, len(rows.z))[:, numbers, :b]
-    single = noise[..., :b, :b].copy()
-    if any(calibration.joint_error):
-        moved = rows.propagate_joints(np.square(calibration.joint_error))[:, numbers, :b, :b]
-        single += growth[..., None, None] * moved
+    errors = pose_errors(calibration, campaign.q, rows.by_tool()[:, numbers, :b], campaign.conditions)
+    single = noise[..., :b, :b] + errors.covariance
     free, deviation = np.zeros(len(rows.z), dtype=bool), np.ones(len(rows.z))
-    error = np.repeat(np.square(calibration.model_error), 3)
     for t, (kind, (_, own)) in enumerate(zip(kinds, located, strict=True)):
-        block, columns = kind.block(), layout.own[numbers[t]]
-        single[:, t, block, block] += growth * error[block]
+        columns = layout.own[numbers[t]].columns
         free[columns], deviation[columns] = own, kind.deviations
     entry = {name: k for k, name in enumerate(calibration.all_names)}
-    known = [entry[layout.names[k]] for k in np.flatnonzero(~free)]
-    J, B = np.sqrt(growth)[..., None, None] * by_entry[..., ~free], by_entry[..., free]
+    sure = np.array([name in entry for name in layout.names]) & ~free  # frames that were held have no error
+    known = [entry[layout.names[k]] for k in np.flatnonzero(sure)]
+    J, B = np.sqrt(errors.growth)[:, None, None, None] * by_entry[..., sure], by_entry[..., free]
     if free.any():
         try:
             L = np.linalg.cholesky(single)
@@ -598,56 +520,129 @@ def _rows_on(calibration: "Calibration", campaign: Campaign, unknowns: Sequence[
     points[:, numbers], valid[:, numbers] = campaign.points, campaign.valid
     for t, kind in zip(numbers, observed_kinds(calibration, campaign), strict=True):
         kinds[t] = kind
-    there = replace(layout, kinds=tuple(kinds))
-    entry = dict(zip(calibration.all_names, calibration.z, strict=True))
+    free = replace(layout, fixed_frames=False)
+    there = replace(free, kinds=tuple(kinds))
+    entry = dict(zip(free.names, free.start(), strict=True)) | dict(
+        zip(calibration.all_names, calibration.z, strict=True)
+    )
     z = np.array([entry.get(name, 0.0) for name in there.names])
     for t, unknown in zip(numbers, unknowns, strict=True):
-        z[there.own[t]] = unknown
+        z[there.own[t].columns] = unknown
     rotations = np.tile(np.eye(3), (n, 1, 1)) if campaign.rotations is None else campaign.rotations
     at = there.walked(campaign.q, z, calibration.model.prepare(campaign.q, campaign.conditions))
     return Rows(there, z, at, Seen(position=points, rotation=rotations, valid=valid, kinds=there.kinds))
 
 
-# What is uncertain of a pose where it is not known how it is reached, or how warm the robot is.
+# What is uncertain of a predicted pose: of a frame on the tool, such as a target or the tool's point.
 #
-# What is not told counts by its expectation, and adds its variance. With ξ the parameters of the effects that
-# depend on conditions, m and S their estimate and covariance, and J_c the derivative of a target by them under a
-# condition c of mean zero,
+# The errors of the estimate are the same at all poses, and so is how warm the robot is where that is not told: no number of
+# poses averages them out. The others are of each pose alone: what the model cannot explain there, how far the joints are off,
+# and the side from which they came and how far, where that is not told. All of them grow beyond the measured range.
+#
+# What is not told counts by its expectation, and adds its variance. With ξ the parameters of the effects that depend on
+# conditions, m and S their estimate and covariance, and J_c the derivative of a target by them under a condition c of mean zero,
 #
 #     E[(J_c·ξ)(J_c·ξ)ᵀ] = E[J_c·(m·mᵀ + S)·J_cᵀ],
 #
 # so that effects which are hardly known add their uncertainty, too.
 
 
-def covariance_of_unknown_conditions(
-    calibration: "Calibration", q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
-) -> Float[np.ndarray, "n targets b b"]:
-    """Covariance of the targets by what is not told of the poses, metres² (and radians², for poses), tracker frame.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseErrors:
+    """What errs of frames on the tool at some poses beside the estimate; metres and radians, tracker axes."""
+
+    growth: Float[np.ndarray, " n"]
+    """Factor of all covariances: 1 in the measured range, more beyond."""
+    warmth: Float[np.ndarray, "n frames b c"]
+    """Errors by how warm the robot is, where it is not told: by independent causes of one standard deviation, the same at all
+    poses."""
+    single: Float[np.ndarray, "n frames b b"]
+    """Covariance of the errors of each pose alone."""
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "n frames b b"]:
+        """Of all of them."""
+        return self.warmth @ np.swapaxes(self.warmth, 2, 3) + self.single
+
+    def with_estimate(self, estimated: Float[np.ndarray, "n frames b b"]) -> Float[np.ndarray, "n frames b b"]:
+        """Covariance of where the frames are.
+
+        Args:
+            estimated: by the error of the estimate, as propagated.
+        """
+        return self.growth[:, None, None, None] * estimated + self.covariance
+
+
+def pose_errors(
+    calibration: "Calibration",
+    q: Float[np.ndarray, "n joints"],
+    by_tool: Float[np.ndarray, "n frames b 6"],
+    conditions: Conditions | None = None,
+) -> PoseErrors:
+    """What errs of frames on the tool, or of what is measured of them, at some poses beside the estimate.
+
+    Args:
+        calibration: the calibration.
+        q: joint positions, radians.
+        by_tool: derivative of the frames by the tool's twist in tracker axes: vx vy vz wx wy wz at its origin. Of b = 6 numbers
+            the last three are rotations.
+        conditions: how the poses are reached. What is not told counts as uncertain.
+    """
+    growth, b = calibration.growth_at(q), by_tool.shape[2]
+    error = np.zeros(b)
+    own = np.repeat(np.square(calibration.model_error), 3)[:b]
+    error[: len(own)] = own
+    warmth, single = np.zeros((*by_tool.shape[:3], 0)), np.zeros((*by_tool.shape[:3], b)) + np.diag(error)
+    if any(calibration.joint_error) or calibration.model.conditioned:
+        at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
+        columns = by_tool @ joint_columns(at)[:, None]
+        joints = columns[..., : len(calibration.joint_error)]
+        single = single + (joints * np.square(calibration.joint_error)) @ np.swapaxes(joints, 2, 3)
+        warmth, way = _of_unknown_conditions(calibration, q, columns, conditions or Conditions())
+        single = single + way
+    grown = growth[:, None, None, None]
+    return PoseErrors(growth=growth, warmth=np.sqrt(grown) * warmth, single=grown * single)
+
+
+def _of_unknown_conditions(
+    calibration: "Calibration",
+    q: Float[np.ndarray, "n joints"],
+    columns: Float[np.ndarray, "n frames b coordinates"],
+    conditions: Conditions,
+) -> tuple[Float[np.ndarray, "n frames b c"], Float[np.ndarray, "n frames b b"]]:
+    """Errors of frames by how warm the robot is, and their covariance by how poses are reached, as far as it is not told.
 
     A joint whose side is not told came from either one with even chance. Its share of the largest move is evenly spread
     between nothing and all, so that the mean of its square is 1/3, and of its product with the side 1/2. What an effect
     needs and is not told is as far from its reference as the effect says (`Effect.off_reference`).
-
-    Args:
-        calibration: with effects that depend on conditions.
-        q: joint positions, radians.
-        conditions: what is told; nothing by default.
     """
-    terms = [term for term in calibration.model.terms if isinstance(term, LinearTerm) and term.given is not None]
+    model, nothing = calibration.model, np.zeros((*columns.shape[:3], 0))
+    given = [(effect, term) for effect, term in zip(model.effects, model.effect_terms, strict=True) if term.given]
+    covariance = np.zeros((*columns.shape[:3], columns.shape[2]))
+    if not given:
+        return nothing, covariance
     index = {name: i for i, name in enumerate(calibration.all_names)}
-    own = np.array([index[name] for term in terms for name in term.names])
-    second = calibration.z_covariance[np.ix_(own, own)] + np.outer(calibration.z[own], calibration.z[own])
-    at = calibration.layout.walked(q, calibration.z, calibration.model.prepare(q, conditions))
-    angular = calibration.layout.pose
-    columns = np.stack([joint_columns(at, point, angular=angular) for point in at.points.position], axis=1)
-    out = np.zeros((*columns.shape[:3], columns.shape[2]))
-    for probe, weight in _probes(calibration, len(q), conditions or Conditions()):
+
+    def second_moment(terms: Sequence[LinearTerm]) -> Float[np.ndarray, "p p"]:
+        own = np.array([index[name] for term in terms for name in term.names])
+        return calibration.z_covariance[np.ix_(own, own)] + np.outer(calibration.z[own], calibration.z[own])
+
+    terms = [term for _, term in given]
+    second = second_moment(terms)
+    for probe, weight in _ways(calibration, len(q), conditions):
         rows = np.flatnonzero(weight)
-        if not len(rows):
-            continue
-        J = _derivative(terms, q[rows], probe.take(rows), columns[rows])
-        out[rows] += weight[rows, None, None, None] * (J @ second @ np.swapaxes(J, -1, -2))
-    return out
+        if len(rows):
+            J = _derivative(terms, q[rows], probe.take(rows), columns[rows])
+            covariance[rows] += weight[rows, None, None, None] * (J @ second @ np.swapaxes(J, -1, -2))
+    warmth = [nothing]
+    for effect, term in given:
+        off = effect.off_reference(len(q))
+        if off is not None:
+            told = [getattr(conditions, quantity) for quantity in effect.needs]
+            unknown = np.max([np.ones(len(q)) if t is None else ~np.isfinite(t) for t in told], axis=0)
+            J = _derivative([term], q, off, columns) @ root_of(second_moment([term]))
+            warmth.append(unknown[:, None, None, None] * J)
+    return np.concatenate(warmth, axis=3), covariance
 
 
 def _derivative(
@@ -667,10 +662,10 @@ def _derivative(
     return np.concatenate(parts, axis=3)
 
 
-def _probes(
+def _ways(
     calibration: "Calibration", count: int, conditions: Conditions
 ) -> Iterator[tuple[Conditions, Float[np.ndarray, " n"]]]:
-    """Conditions, and with which weight the square of what each does counts at every pose.
+    """Ways of the joints to poses, and with which weight the square of what each does counts at every pose.
 
     Of a side a and a move b, where neither is told, (a + b)², a² and b² with ½, ½ and −1/6 are a² + 2·½·a·b + ⅓·b².
     """
@@ -686,11 +681,10 @@ def _probes(
         yield Conditions(approach=way, move=way), np.where(a & b, 0.5, 0.0)
         yield Conditions(approach=way), np.where(a, np.where(b, 0.5, 1.0), 0.0)
         yield Conditions(move=way), np.where(b, np.where(a, -1.0 / 6.0, 1.0 / 3.0), 0.0)
-    for effect in calibration.model.effects:
-        off = effect.off_reference(count)
-        if off is not None:
-            told = [getattr(conditions, quantity) for quantity in effect.needs]
-            yield off, np.max([np.ones(count) if t is None else ~np.isfinite(t) for t in told], axis=0).astype(float)
+
+
+Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
+AboveZero = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
 
 
 # Where a calibration comes from.
@@ -738,53 +732,58 @@ def package_version() -> str:
         return "unknown"
 
 
+@joints_checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration:
     """An identified robot in its measuring frame."""
 
-    model: ErrorModel
-    layout: Layout
+    model: Annotated[ErrorModel, NOT_IN_FILE]
+    layout: Annotated[Layout, NOT_IN_FILE]
     """How z is laid out."""
-    estimated: Int[np.ndarray, " kept"]
+    estimated: Annotated[Int[np.ndarray, " kept"], NOT_IN_FILE]
     """Model parameters that were estimated; the others stay zero and are considered."""
-    z: Float[np.ndarray, " z"]
+    z: Annotated[Float[np.ndarray, " z"], InFile(key="estimate")]
     """All parameters, tracker frame and targets, in the order of `all_names`."""
-    z_spread: Float[np.ndarray, "z z"]
+    z_spread: Annotated[Float[np.ndarray, "z z"], FACTOR]
     """Lower triangular B of the covariance B·Bᵀ of their error, which so is negative nowhere."""
-    T_tracker_base: Float[np.ndarray, "4 4"]
+    T_tracker_base: Annotated[Float[np.ndarray, "4 4"], RIGID]
     """Pose of the robot's base in the tracker frame."""
-    T_tool_target: Float[np.ndarray, "targets 4 4"]
+    T_tool_target: Annotated[Float[np.ndarray, "targets 4 4"], RIGID]
     """Pose of every target in the tool frame; for a point its rotation is the identity."""
-    residuals: Float[np.ndarray, "n targets b"]
+    model_error: tuple[NotNegative, ...]
+    """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
+    joint_error: tuple[NotNegative, ...] = ()
+    """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides); empty where it
+    was not asked for."""
+    range_growth: Ratio = 0.0
+    """Growth g of the covariance beyond the measured range: by the factor 1 + g·u², u how far a pose lies outside
+    (`MeasuredRange.extrapolation`)."""
+    prior_scale: AboveZero | None
+    """Factor of the prior's standard deviations; None where there was no prior."""
+    group_deviations: Annotated[Float[np.ndarray, " p"] | None, InFile(entry=AboveZero)] = None
+    """Prior standard deviation of every parameter, metres and radians, where each effect of each joint has a size of its own;
+    None where all are the tolerances times `prior_scale`."""
+    effective_parameters: Annotated[Ratio | None, ONLY_WHERE_KNOWN] = None
+    """How many of the estimated parameters the rows determine, each counted by the share of its prior variance that they took away;
+    None where there was no prior, or the file does not state it."""
+    parameter_groups: Annotated[int | None, ONLY_WHERE_KNOWN] = None
+    """Groups of parameters whose size was estimated from the rows; None where no size was, or the file does not state it."""
+    log_evidence: Real | None
+    """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
+    ids: Annotated[tuple[str, ...], InFile(counts="n")]
+    """Names of the rows that were fitted."""
+    q: Float[np.ndarray, "n joints"]
+    """Joint positions of the rows that were fitted, radians."""
+    residuals: Annotated[Float[np.ndarray, "n targets b"], GAPS]
     """Measured less predicted in the tracker frame, metres (then radians, for poses); NaN for lost beams."""
-    studentised: Float[np.ndarray, "n targets"]
+    studentised: Annotated[Float[np.ndarray, "n targets"], InFile(entry=Ratio | None)]
     """Length of each residual over its own standard deviation."""
     outliers: tuple[Outlier, ...]
     """Points whose residual is too long for chance, the longest first."""
     left_out: tuple[LeftOut, ...]
     """Rows that cannot be right, and were not fitted."""
-    ids: tuple[str, ...]
-    """Names of the rows that were fitted."""
-    model_error: tuple[float, ...]
-    """Standard deviation of what geometry does not explain: metres per axis (and radians, for poses)."""
-    joint_error: tuple[float, ...] = ()
-    """Standard deviation of the pose-to-pose error of each joint, radians (metres where it slides); empty where it
-    was not asked for."""
-    range_growth: float = 0.0
-    """Growth g of the covariance beyond the measured range: by the factor 1 + g·u², u how far a pose lies outside
-    (`MeasuredRange.extrapolation`)."""
-    prior_scale: float | None
-    """Factor of the prior's standard deviations; None where there was no prior."""
-    group_deviations: Float[np.ndarray, " p"] | None = None
-    """Prior standard deviation of every parameter, metres and radians, where each effect of each joint has a size of its own;
-    None where all are the tolerances times `prior_scale`."""
-    effective_parameters: float | None = None
-    """How many of the estimated parameters the rows determine, each counted by the share of its prior variance that they took away;
-    None where there was no prior, or the file does not state it."""
-    parameter_groups: int | None = None
-    """Groups of parameters whose size was estimated from the rows; None where no size was, or the file does not state it."""
-    log_evidence: float | None
-    """Logarithm of the marginal likelihood, but for a constant of the campaign; None where there was no prior."""
+    held_out: HeldOut | None = None
+    """What the fit predicted of rows that it had not seen, if any were held out."""
     iterations: int
     """Of the last fit."""
     rounds: int
@@ -793,16 +792,12 @@ class Calibration:
     """Why the fit ended."""
     remarks: tuple[str, ...]
     """What a user should look at before believing the result."""
-    provenance: Provenance
-    q: Float[np.ndarray, "n joints"]
-    """Joint positions of the rows that were fitted, radians."""
-    held_out: HeldOut | None = None
-    """What the fit predicted of rows that it had not seen, if any were held out."""
-    source: str = ""
-    """File that it was read from."""
     edited: tuple[str, ...] = ()
     """Keys of its file that were edited after it was written, and read all the same (``unsealed``); a file that is made of it names
     them, too."""
+    provenance: Annotated[Provenance, NOT_IN_FILE]
+    source: Annotated[str, NOT_IN_FILE] = ""
+    """File that it was read from."""
 
     def __repr__(self) -> str:
         scale = "" if self.prior_scale is None else f", prior × {self.prior_scale:.2g}"
@@ -866,6 +861,13 @@ class Calibration:
             CampaignError: the calibration has no rows.
         """
         return MeasuredRange.of_rows(self.model.robot, self.q, self.tool_jacobian)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Remarks with which no tolerance can be called met, nor a program that is corrected be called better."""
+        return tuple(
+            remark for remark in self.remarks if remark.startswith((FILE_IN_DOUBT, SCALE_IN_DOUBT, COURSE_IN_DOUBT))
+        )
 
     @cached_property
     def estimate(self) -> Float[np.ndarray, " p"]:
@@ -964,23 +966,18 @@ class Calibration:
             q: joint positions, radians.
             conditions: how the poses are reached, for effects that depend on it. What is not told, the side from which a
                 joint comes, its last move, the temperature, counts by its expectation and adds its variance.
-            model_error: add what the model cannot explain at a new pose; without it, the covariance says how well the fitted
-                model itself is known there.
+            model_error: add what the estimate does not tell of a new pose (`PoseErrors`); without it, the covariance says how
+                well the fitted model itself is known there.
 
         Returns:
             b = 3 rows for points, metres²; 6 for poses, then radians².
         """
         q = np.asarray(q, dtype=float)
         targets = Rows.of_targets(self.layout, self.z, q, self.model.prepare(q, conditions))
-        growth = self.growth_at(q)[:, None, None, None]
-        covariance = growth * targets.propagate(self.z_covariance)[1]
-        if self.model.conditioned:
-            covariance = covariance + covariance_of_unknown_conditions(self, q, conditions)
+        estimated = targets.propagate(self.z_covariance)[1]
         if not model_error:
-            return covariance
-        if any(self.joint_error):
-            covariance = covariance + growth * targets.propagate_joints(np.square(self.joint_error))
-        return covariance + growth * np.diag(np.repeat(np.square(self.model_error), 3)[: covariance.shape[2]])
+            return self.growth_at(q)[:, None, None, None] * estimated
+        return pose_errors(self, q, targets.by_tool(), conditions).with_estimate(estimated)
 
     def predict_tool(
         self, q: Float[np.ndarray, "n joints"], conditions: Conditions | None = None
@@ -1003,27 +1000,42 @@ class Calibration:
         return self.model.poses(np.asarray(q, dtype=float), self.estimate, conditions)
 
     def tool_covariance(
-        self, q: Float[np.ndarray, "n joints"], *, frame: Literal["tracker", "base"] = "tracker"
+        self,
+        q: Float[np.ndarray, "n joints"],
+        conditions: Conditions | None = None,
+        *,
+        frame: Literal["tracker", "base"] = "tracker",
+        model_error: bool = True,
     ) -> Float[np.ndarray, "n 6 6"]:
         """Covariance of the tool's true pose about the predicted one: position, then rotation.
 
-        It includes what the measured targets do not tell of the tool, as far as the tolerances allow, but not the model
-        error of a single new pose (`model_error`).
+        It includes what the measured targets do not tell of the tool, as far as the tolerances allow.
 
         Args:
             q: joint positions, radians.
+            conditions: as of `predict_covariance`.
             frame: in which the tool is, and whose axes the covariance is in: the ``tracker``'s, or the robot's ``base``, so that
                 what is unknown of where the base stands does not count.
+            model_error: as of `predict_covariance`. Where points were measured, nothing is known of how far the model errs in
+                rotation.
 
         Returns:
             metres² and radians².
         """
-        J = self.tool_jacobian(q)
+        q = np.asarray(q, dtype=float)
+        J = self.tool_jacobian(q, conditions)
         if frame == "base":
-            J[:, :, self.layout.frame_columns(self.layout.station)] = 0.0
-            R = self.T_tracker_base[:3, :3]
-            J = np.concatenate([R.T @ J[:, :3], R.T @ J[:, 3:]], axis=1)
-        return self.growth_at(q)[:, None, None] * (J @ self.z_covariance @ np.swapaxes(J, 1, 2))
+            J[:, :, self.layout.bases[self.layout.station].columns] = 0.0
+        estimated = (J @ self.z_covariance @ np.swapaxes(J, 1, 2))[:, None]
+        if model_error:
+            itself = np.broadcast_to(np.eye(6), (len(q), 1, 6, 6))
+            covariance = pose_errors(self, q, itself, conditions).with_estimate(estimated)[:, 0]
+        else:
+            covariance = self.growth_at(q)[:, None, None] * estimated[:, 0]
+        if frame == "base":
+            turn = np.kron(np.eye(2), self.T_tracker_base[:3, :3].T)
+            covariance = turn @ covariance @ turn.T
+        return covariance
 
     def growth_at(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, " n"]:
         """Factor of the covariance of what is predicted at poses: 1 in the measured range, more beyond.
@@ -1082,7 +1094,7 @@ class Calibration:
             TaskcalError: the file would be refused on reading, or hold another calibration.
         """
         try:
-            text = json.dumps(self.to_json(), indent=1, allow_nan=False) + "\n"
+            text = CALIBRATION.text(_stated(self))
         except ValueError as error:
             raise TaskcalError(f"the calibration is not written, as it holds what is no number: {error}") from error
         expect_readable(text, self)
@@ -1090,18 +1102,19 @@ class Calibration:
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file, sealed."""
-        return sealed(describe_calibration(self))
+        return CALIBRATION.seal(_stated(self))
 
 
-# How a target was observed without a tracker, as a calibration's file has it.
+# The calibration file: what it states beside the fields of the calibration, and the calibration that all of it describes.
 
 
-class ObservationSection(Section):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Observed:
     """How a target was observed without a tracker."""
 
     kind: str
-    options: dict[str, Any]
-    unknowns: list[Finite]
+    options: Mapping[str, Any]
+    unknowns: Float[np.ndarray, " unknowns"]
 
     def observation(self) -> Observation:
         """The kind, without rows.
@@ -1112,7 +1125,7 @@ class ObservationSection(Section):
         kind = kind_of(self.kind)
         try:
             made = kind.of_description(self.options)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, TaskcalError) as error:
             raise TaskcalError(f"invalid options for observation '{shown(self.kind)}': {shown(error)}") from error
         if len(made.unknowns) != len(self.unknowns):
             raise TaskcalError(
@@ -1121,165 +1134,57 @@ class ObservationSection(Section):
         return made
 
 
-# The calibration file: its schema, and the calibration it describes.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setup:
+    """What was fitted to what: robot and effects, and how the targets were observed."""
 
-Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
-Real = Annotated[float, Field(strict=True, ge=-1e300, le=1e300, allow_inf_nan=False)]
-AboveZero = Annotated[float, Field(strict=True, gt=0, le=1e6, allow_inf_nan=False)]
-Ratio = Annotated[float, Field(strict=True, ge=0, le=1e300, allow_inf_nan=False)]
-Flag = Annotated[bool, Field(strict=True)]
-Texts = list[str]
-Vector = list[Finite]
-Matrix = list[list[Finite]]
+    provenance: Provenance
+    robot: Mapping[str, Any]
+    """As its file describes it."""
+    lengths_only: bool
+    units: Literal["metres and radians"] = "metres and radians"
+    effects: tuple[dict[str, Any], ...]
+    kept: tuple[str, ...]
+    targets: Annotated[tuple[str, ...], Field(min_length=1), InFile(counts="targets")]
+    pose: bool
+    observations: tuple[Observed, ...]
+    """Of each target; none where a tracker measured all."""
+    fixed_frames: bool
+    turned: bool
+    registration: Registration
+    names: tuple[str, ...]
+    """Of the entries of the estimate."""
+    stations: Annotated[Stations | None, ONLY_WHERE_KNOWN] = None
 
-
-class OutlierSection(Section):
-    """A point that the fit cannot believe."""
-
-    row: Count
-    line: Count | None
-    id: str
-    target: str
-    studentised: Ratio
-    residual: NotNegative
-
-
-class LeftOutSection(Section):
-    """A row that was not fitted."""
-
-    row: Count
-    line: Count | None
-    id: str
-    distance: NotNegative
-    studentised: Ratio
-
-
-class HeldOutSection(Section):
-    """Held-out rows and their predictions."""
-
-    by: Literal["neighbours", "blocks", "rows", "chosen"]
-    folds: Count
-    rows: list[Count] = Field(min_length=1)
-    part: list[Count]
-    residuals: list[list[list[Finite | None]]]
-    nominal: list[list[list[Finite | None]]]
-    inside: list[list[bool | None]] | None = None
-    rotation_inside: list[list[bool | None]] | None = None
-
-    def held_out(self, targets: int, width: int, kinds: tuple[type[Observation], ...]) -> HeldOut:
-        """Held-out errors that it describes, of targets with these observations.
-
-        Raises:
-            TaskcalError: the parts do not belong together.
-        """
-        n = len(self.rows)
-        shape = n, targets, width
-        of_shape("held_out, part", np.array(self.part), (n,))
-        if max(self.part) >= n:
-            raise TaskcalError(f"'held_out, part' counts {max(self.part) + 1} parts of {n} rows")
-        residuals = array_of("held_out, residuals", self.residuals, shape)
-        if not np.isfinite(residuals[..., 0]).any():
-            raise TaskcalError("'held_out, residuals' holds not a single measured point")
-        return HeldOut(
-            by=self.by,
-            folds=self.folds,
-            rows=np.array(self.rows),
-            part=np.array(self.part),
-            residuals=residuals,
-            nominal=array_of("held_out, nominal", self.nominal, shape),
-            inside=None if self.inside is None else array_of("held_out, inside", self.inside, shape[:2]),
-            rotation_inside=None
-            if self.rotation_inside is None
-            else array_of("held_out, rotation_inside", self.rotation_inside, shape[:2]),
-            kinds=kinds,
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Setup":
+        """Of a calibration."""
+        layout, model = calibration.layout, calibration.model
+        unknowns = () if layout.tracked else layout.unknowns(calibration.z)
+        return cls(
+            provenance=calibration.provenance,
+            robot=model.robot.description,
+            lengths_only=model.lengths_only,
+            effects=tuple(effect.to_json() for effect in model.effects),
+            kept=calibration.kept,
+            targets=layout.targets,
+            pose=layout.pose,
+            observations=tuple(
+                Observed(kind=kind.key, options=kind.describe(), unknowns=unknown)
+                for kind, unknown in zip(layout.kinds, unknowns, strict=False)
+            ),
+            fixed_frames=layout.fixed_frames,
+            turned=layout.pose and not layout.fixed_frames,
+            registration=layout.registration,
+            names=layout.names,
+            stations=layout.stations,
         )
 
-
-class ProvenanceSection(Section):
-    """Where a calibration comes from."""
-
-    robot: str
-    robot_digest: str
-    campaign: str
-    campaign_digest: str
-    rows: Count
-    version: str
-    created: str
-    options: dict[str, Any]
-    notes: tuple[str, ...]
-
-
-class StationsSection(Section):
-    """Where a tracker stood that was moved."""
-
-    names: Texts = Field(min_length=1)
-    of: list[Count]
-    T_first_station: list[Matrix]
-
-    def stations(self, rows: int) -> Stations:
-        """The stations of so many rows.
+    def model(self, effects: Sequence[Effect]) -> ErrorModel:
+        """The model, with its effects.
 
         Raises:
-            TaskcalError: the parts do not belong together.
-        """
-        count, key = len(self.names), "stations, T_first_station"
-        of = np.array(self.of, dtype=int)
-        of_shape("stations, of", of, (rows,))
-        if len(set(self.names)) < count or max(self.of, default=0) >= count:
-            raise TaskcalError(f"'stations' names {count}, two of them alike, or 'of' counts more")
-        T = rigid(key, array_of(key, self.T_first_station, (count, 4, 4)))
-        return Stations(names=tuple(self.names), of=of, T_first_station=T)
-
-
-class CalibrationFile(Section):
-    """A calibration file."""
-
-    format: str
-    format_version: int
-    provenance: ProvenanceSection
-    robot: dict[str, Any]
-    lengths_only: Flag
-    units: Literal["metres and radians"]
-    effects: list[dict[str, Any]]
-    kept: Texts
-    targets: Texts = Field(min_length=1)
-    pose: Flag
-    observations: list[ObservationSection]
-    fixed_frames: Flag
-    turned: Flag
-    registration: RegistrationSection
-    names: Texts
-    estimate: Vector
-    covariance_factor: list[Vector]
-    T_tracker_base: Matrix
-    stations: StationsSection | None = None
-    T_tool_target: list[Matrix]
-    model_error: list[NotNegative]
-    joint_error: list[NotNegative]
-    range_growth: Ratio
-    prior_scale: AboveZero | None
-    group_deviations: list[AboveZero] | None
-    effective_parameters: Ratio | None = None
-    parameter_groups: Count | None = None
-    log_evidence: Real | None
-    ids: Texts
-    q: Matrix
-    residuals: list[list[list[Finite | None]]]
-    studentised: list[list[Ratio | None]]
-    outliers: list[OutlierSection]
-    left_out: list[LeftOutSection]
-    held_out: HeldOutSection | None
-    iterations: Count
-    rounds: Count
-    reason: str
-    remarks: Texts
-    edited: Texts
-
-    def calibration(self, effects: Sequence[Effect]) -> Calibration:
-        """The calibration it describes, with its effects.
-
-        Raises:
-            TaskcalError: the robot or a parameter is not one, or the parts do not belong together.
+            TaskcalError: the robot is not one, or was changed.
         """
         try:
             robot = robot_from(self.robot)
@@ -1290,68 +1195,37 @@ class CalibrationFile(Section):
                 f"its robot was changed: its digest is {robot.digest}, that of the robot that was fitted "
                 f"'{shown(self.provenance.robot_digest)}'"
             )
-        model = ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
-        layout = self._layout(model)
-        size, rows, width = len(layout.names), len(self.ids), layout.block_size
-        self._same_names(layout.names)
-        of_shape("model_error", np.array(self.model_error), (width // 3,))
-        if self.joint_error:
-            of_shape("joint_error", np.array(self.joint_error), (len(robot.joints),))
-        if self.provenance.rows < rows:
-            raise TaskcalError(f"'ids' names {rows} rows, 'provenance' {self.provenance.rows}")
-        return Calibration(
-            model=model,
-            layout=layout,
-            estimated=model.indices(self.kept),
-            z=array_of("estimate", self.estimate, (size,)),
-            z_spread=factor_of(self.covariance_factor, size),
-            T_tracker_base=rigid("T_tracker_base", array_of("T_tracker_base", self.T_tracker_base, (4, 4))),
-            T_tool_target=rigid(
-                "T_tool_target", array_of("T_tool_target", self.T_tool_target, (len(self.targets), 4, 4))
-            ),
-            residuals=array_of("residuals", self.residuals, (rows, len(self.targets), width)),
-            studentised=array_of("studentised", self.studentised, (rows, len(self.targets))),
-            outliers=tuple(Outlier(**section.model_dump()) for section in self.outliers),
-            left_out=tuple(LeftOut(**section.model_dump()) for section in self.left_out),
-            ids=tuple(self.ids),
-            q=array_of("q", self.q, (rows, len(robot.joints))),
-            held_out=None
-            if self.held_out is None
-            else self.held_out.held_out(len(self.targets), width, layout.observed),
-            model_error=tuple(self.model_error),
-            joint_error=tuple(self.joint_error),
-            range_growth=self.range_growth,
-            prior_scale=self.prior_scale,
-            group_deviations=self._group_deviations(len(model)),
-            effective_parameters=self.effective_parameters,
-            parameter_groups=self.parameter_groups,
-            log_evidence=self.log_evidence,
-            iterations=self.iterations,
-            rounds=self.rounds,
-            reason=self.reason,
-            remarks=tuple(self.remarks),
-            edited=tuple(self.edited),
-            provenance=Provenance(**self.provenance.model_dump()),
-        )
+        return ErrorModel(robot, lengths_only=self.lengths_only, effects=effects)
 
-    def _layout(self, model: ErrorModel) -> Layout:
-        registration = self.registration.registration(len(self.targets))
+    def layout(self, model: ErrorModel) -> Layout:
+        """The layout of the estimate.
+
+        Raises:
+            TaskcalError: an observation is none, or the names are not those of the layout.
+        """
+        registration = self.registration
         kinds: tuple[Observation, ...] = (Pose() if self.pose else Point(),) * len(self.targets)
         if self.observations:
             if len(self.observations) != len(self.targets):
                 raise TaskcalError(f"it has {len(self.observations)} observations for {len(self.targets)} targets")
-            unknowns = tuple(np.array(section.unknowns, dtype=float) for section in self.observations)
-            registration = replace(registration, unknowns=unknowns)
-            kinds = tuple(section.observation() for section in self.observations)
-        return Layout(
+            registration = replace(registration, unknowns=tuple(one.unknowns for one in self.observations))
+            kinds = tuple(one.observation() for one in self.observations)
+        stations = self.stations
+        if stations is not None:
+            count = len(stations.names)
+            if len(set(stations.names)) < count or max(stations.of, default=0) >= count:
+                raise TaskcalError(f"'stations' names {count}, two of them alike, or 'of' counts more")
+        layout = Layout(
             model=model,
             estimated=np.arange(len(model)),
             registration=registration,
-            targets=tuple(self.targets),
+            targets=self.targets,
             kinds=kinds,
             fixed_frames=self.fixed_frames,
-            stations=None if self.stations is None else self.stations.stations(len(self.ids)),
+            stations=stations,
         )
+        self._same_names(layout.names)
+        return layout
 
     def _same_names(self, expected: tuple[str, ...]) -> None:
         """Estimate and covariance stand in the order of the names, so that others would give other parameters."""
@@ -1363,10 +1237,10 @@ class CalibrationFile(Section):
             if name != wanted:
                 raise TaskcalError(f"'names' {number} is '{shown(name)}', where '{wanted}' belongs")
 
-    def _group_deviations(self, parameters: int) -> Float[np.ndarray, " p"] | None:
-        if self.group_deviations is None:
-            return None
-        return array_of("group_deviations", self.group_deviations, (parameters,))
+
+def _stated(calibration: Calibration) -> dict[str, Any]:
+    """What a calibration's file states."""
+    return {**describe(Setup.of(calibration)), **describe(calibration)}
 
 
 @checked
@@ -1382,7 +1256,7 @@ def load_calibration(path: str | Path, *, unsealed: bool = False) -> Calibration
             names the key and its value.
     """
     path = Path(path)
-    data, edited = unseal(path, read_envelope(path), f"restore it, or identify again; {ON_PURPOSE}", accept=unsealed)
+    data, edited = CALIBRATION.read(path, accept=unsealed)
     try:
         read = calibration_from(data)
         return replace(read, source=path.name, edited=tuple(dict.fromkeys((*read.edited, *edited))))
@@ -1400,23 +1274,49 @@ def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None 
     Raises:
         TaskcalError: it is inconsistent in itself; the message names the key and its value.
     """
-    try:
+    schema = schema_of(Calibration, base=schema_of(Setup, base=Marked))
+    with consistent(CALIBRATION, schema):
         if isinstance(packed := data.get("covariance_factor"), dict):
             data = {**data, "covariance_factor": unpack_factor(packed)}
-    except TaskcalError as error:
-        raise TaskcalError(f"{error}; it may have been edited: identify again") from error
-    try:
-        content = CalibrationFile.model_validate(data)
-    except ValidationError as error:
-        raise TaskcalError(f"{explain(error, CalibrationFile)}; it may have been edited: identify again") from error
+        content = schema.model_validate(data)
+        setup = value_of(Setup, content, {"n": len(vars(content)["ids"])})
     effects = [
         _effect(number, effect, None if kinds is None else kinds[number - 1])
-        for number, effect in enumerate(content.effects, start=1)
+        for number, effect in enumerate(setup.effects, start=1)
     ]
-    try:
-        return content.calibration(effects)
-    except TaskcalError as error:
-        raise TaskcalError(f"is inconsistent: {error}; it may have been edited: identify again") from error
+    with consistent(CALIBRATION, schema):
+        return _calibration(setup, content, setup.model(effects))
+
+
+def _calibration(setup: Setup, content: Section, model: ErrorModel) -> Calibration:
+    """The calibration of a setup, by the content of a file.
+
+    Raises:
+        TaskcalError: a parameter is not one, or the parts do not belong together.
+    """
+    layout, joints = setup.layout(model), len(model.robot.joints)
+    sizes = {"z": len(layout.names), "p": len(model), "joints": joints}
+    sizes |= {"targets": len(layout.targets), "b": layout.block_size}
+    found = Calibration(
+        model=model,
+        layout=layout,
+        estimated=model.indices(setup.kept),
+        provenance=setup.provenance,
+        **values_of(Calibration, content, sizes),
+    )
+    shaped("model_error", np.array(found.model_error), "axes", {"axes": layout.block_size // 3})
+    if found.joint_error:
+        shaped("joint_error", np.array(found.joint_error), "joints", sizes)
+    if setup.provenance.rows < len(found.ids):
+        raise TaskcalError(f"'ids' names {len(found.ids)} rows, 'provenance' {setup.provenance.rows}")
+    held_out = found.held_out
+    if held_out is None:
+        return found
+    if max(held_out.part, default=0) >= len(held_out):
+        raise TaskcalError(f"'held_out, part' counts {max(held_out.part) + 1} parts of {len(held_out)} rows")
+    if not np.isfinite(held_out.residuals[..., 0]).any():
+        raise TaskcalError("'held_out, residuals' holds not a single measured point")
+    return replace(found, held_out=replace(held_out, kinds=layout.observed))
 
 
 def expect_readable(text: str, calibration: Calibration) -> None:

@@ -15,15 +15,14 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, fitted_alone
 from taskcal.identification.identify import (
     GROSS_SIGMAS,
+    attempt,
     conclude,
-    identify_parameters,
     target_errors,
     with_unlocated,
 )
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Equations, problem_of, whitener
-from taskcal.kernels.points import SQUARED
 from taskcal.observations.base import TrackerNoise
 from taskcal.reading.chunked import ChunkedCampaign
 from taskcal.robot.error_model import ErrorModel
@@ -94,7 +93,7 @@ def identify_in_chunks(
     if model.effects:
         raise ValueError("effects are not fitted in parts")
     options = FitOptions(noise=noise)
-    first = identify_parameters(model, campaign.sample, options=options)
+    first = attempt(model, campaign.sample, options).learnt().with_growth()
     wrong = {start: target_errors(first, part, noise)[1].max(axis=1) > GROSS_SIGMAS for start, part in campaign}
     calibration = _fit_all(first, campaign, wrong, options)
     fitted, unseen = ErrorsOfMany(), ErrorsOfMany()
@@ -128,7 +127,7 @@ def _fit_all(
 
     def equations(z: np.ndarray) -> Equations:
         parts = (problem_of(first.layout, part.without(wrong[start]), options.noise) for start, part in campaign)
-        each = (part.equations(whitener(part.covariance(hyper.variances)), SQUARED, 1.0)(z) for part in parts)
+        each = (part.equations(whitener(part.covariance(hyper.variances)))(z) for part in parts)
         cost, g, H = next(each)
         for more in each:
             cost, g, H = cost + more[0], g + more[1], H + more[2]
@@ -136,7 +135,7 @@ def _fit_all(
 
     problem = problem_of(first.layout, sample, options.noise)
     prior = prior_of(first.layout, options.prior, options.target_within)
-    fitted = fit_weighed(problem, prior, options.loss, hyper, first.z, Stopping(), equations=equations)
+    fitted = fit_weighed(problem, prior, hyper, first.z, Stopping(), equations=equations)
     outcome = fitted_alone(fitted, problem, first.layout)
     calibration = with_unlocated(conclude(fitted, outcome, sample, options), outcome.unlocated)
     provenance = replace(first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes)

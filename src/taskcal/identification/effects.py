@@ -7,18 +7,19 @@ evidence is for it as much as for an effect that is called proven.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Unpack
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import Collinearity, identifiability
-from taskcal.arguments import checked
+from taskcal.arguments import Named, by_name, checked, chosen_options, converted
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.checks.checks import with_checks
 from taskcal.identification.group_search import (
     LEAVING_OUT,
     SHARPENING,
@@ -38,44 +39,15 @@ from taskcal.identification.holdout import (
     split_postures,
 )
 from taskcal.identification.identify import Attempt, attempt, hold_scale
-from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.identification.problem import problem_of
 from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
-from taskcal.short_repr import short_repr
 
 # Which effects may be added to the geometry, and how they are put to the proof.
-
-
-@checked
-@short_repr
-@dataclass(frozen=True, kw_only=True)
-class EffectSearch:
-    """Options of a search for effects: candidates, and the criteria of acceptance."""
-
-    effects: Sequence[Effect] | None = None
-    """Those to add without proof; None to try the candidates."""
-    candidates: Sequence[Effect] | None = None
-    """Effects that compete; None for what every effect that is defined proposes for the robot (`Effect.candidates`)."""
-    field: bool = False
-    """Let the smooth field of all joints (`JointField`) take part, too."""
-    folds: int = 5
-    """Of the cross-validation."""
-    seed: int = 0
-    """Of its folds."""
-
-
-class ExplainChoices(FitChoices, total=False):
-    """Keywords of `explain`: those of `EffectSearch`, and of `identify`."""
-
-    effects: Sequence[Effect] | None
-    candidates: Sequence[Effect] | None
-    field: bool
-    folds: int
-    seed: int
 
 
 def untried_effects(model: ErrorModel, campaign: Campaign, search: EffectSearch) -> dict[str, str]:
@@ -240,34 +212,43 @@ def _silent(_: str) -> None:
 
 
 @checked
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExplainOptions(FitOptions, EffectSearch):
+    """Options of `explain`: of the search, and of every fit."""
+
+    progress: Callable[[str], None] = _silent
+    """Told what is being done, in the order of `search_steps`."""
+
+    def __post_init__(self) -> None:
+        FitOptions.__post_init__(self)
+        EffectSearch.__post_init__(self)
+
+
+@by_name(ExplainOptions)
+@checked
 def explain(
+    _kind: Callable[Named, ExplainOptions],
     model: ErrorModel,
     campaign: Campaign,
-    *,
-    progress: Callable[[str], None] = _silent,
-    **choices: Unpack[ExplainChoices],
+    options: FitOptions | EffectSearch | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
 ) -> Explanation:
     """`select_effects` by keywords.
 
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
         campaign: the measurements.
-        progress: told what is being done, in the order of `search_steps`.
-        **choices: ``effects`` to add without proof; by default the candidates are tried. ``field``, to
-            let the smooth field of all joints take part, too.
-            ``candidates``, effects that compete; by default what every effect that is defined proposes for the robot
-            (`Effect.candidates`). ``folds`` of the cross-validation (5), ``seed`` of its folds (0). All others are those of
-            `identify`.
+        options: of the search, and of every fit.
 
     Raises:
         CampaignError: too few rows.
         FitError: a fit did not converge.
         TaskcalError: effects are to be found by evidence, without a prior or with one that is given.
     """
-    names = [f.name for f in fields(EffectSearch)]
-    search = EffectSearch(**{name: value for name, value in choices.items() if name in names})  # pyright: ignore[reportArgumentType]
-    options = FitOptions.of(**{name: value for name, value in choices.items() if name not in names})  # pyright: ignore[reportArgumentType]
-    return select_effects(model, campaign, search, options=options, progress=progress)
+    chosen = chosen_options(_kind, options, *_args, **_named)
+    search, fit = converted(EffectSearch, chosen), converted(FitOptions, chosen)
+    return select_effects(model, campaign, search, options=fit, progress=chosen.progress)
 
 
 @checked
@@ -298,8 +279,8 @@ def select_effects(
         progress: told what is being done, in the order of `search_steps`.
 
     Raises:
-        CampaignError: too few rows.
-        FitError: nothing explains the rows, and they are farther off than the robot's tolerances allow.
+        CampaignError: too few rows, or what `identify` raises of the geometry alone.
+        FitError: geometry explains nothing of the rows, and they are farther off than the robot's tolerances allow.
         TaskcalError: effects are to be found by evidence, without a prior or with one that is given.
     """
     search, options = search or EffectSearch(), options or FitOptions()
@@ -318,26 +299,31 @@ def select_effects(
         check_sibling(model, like, effects=search.effects is None or search.field)
         options = replace(options, like=None) if has_own_sizes(like) else options
     progress(GEOMETRY)
-    first = attempt(model, campaign, options)
-    best = first.calibration
-    # rows that are wrong for the geometry are wrong for all that is tried beside it
-    left_out, said = best.left_out, best.remarks[:1] if best.left_out else ()
+    alone = attempt(model, campaign, options)
+    best = alone.checked().calibration
+    left_out, nothing_learnt = best.left_out, best.remarks[-1:] if alone.refusal is not None else ()
+    # rows that are wrong for the geometry are wrong for all that is tried beside it, and so is what its checks say: effects
+    # explain away what is wrong with robot or joints
+    said = with_checks(replace(best, remarks=best.remarks[: len(left_out[:1])]), campaign, options).remarks
     campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
     options = replace(options, gross_errors="keep")
     parts = split_postures(campaign.q, search.folds, search.seed)
     trial = _Trial(campaign=campaign, parts=parts, progress=progress)
     errors = trial.errors_left_out(model, options)
     start = _stage("geometry", best, None, errors, None, accepted=True, reason="baseline")
-    selection = _Selection(model=model, options=options, calibration=best, errors=errors, stages=(start,))
+    selection = _Selection(model=model, options=options, fitted=alone, calibration=best, errors=errors, stages=(start,))
     if search.effects:
         selection = _add(selection, search.effects, trial)
     if search.effects is None or search.field:
         selection = _find_all(selection, trial, search, like)
-    calibration = selection.calibration
-    if calibration is best:
-        calibration = replace(first.checked(), remarks=(*best.remarks, *selection.remarks))
+    fitted = selection.fitted
+    calibration = selection.calibration if fitted is None else fitted.with_growth()
+    if fitted is alone:
+        remarks = (*said, *best.remarks[len(left_out[:1]) :], *selection.remarks)
     else:
-        calibration = replace(calibration, left_out=left_out, remarks=(*said, *calibration.remarks, *selection.remarks))
+        nothing = (f"geometry alone: {remark}" for remark in nothing_learnt)
+        remarks = (*said, *nothing, *calibration.remarks, *selection.remarks)
+    calibration = replace(calibration, left_out=left_out, remarks=remarks)
     if like is not None:
         calibration = with_unused_sibling(calibration, like)
     return Explanation(
@@ -392,6 +378,8 @@ class _Selection:
     model: ErrorModel
     options: FitOptions
     calibration: Calibration
+    fitted: Attempt | None
+    """By which its growth beyond the measured range is judged in the end; None of the one model, of which it is already."""
     errors: Float[np.ndarray, "rows targets"]
     """Where a row was not fitted, metres."""
     effects: tuple[Effect, ...] = ()
@@ -418,6 +406,7 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
         model=model,
         options=options,
         calibration=calibration,
+        fitted=tried,
         errors=errors,
         effects=tuple(effects),
         stages=(*selection.stages, stage),
@@ -475,6 +464,7 @@ def _find_all(
         selection,
         model=one.calibration.model,
         calibration=one.calibration,
+        fitted=None,
         errors=whole,
         effects=(*selection.effects, *proven),
     )

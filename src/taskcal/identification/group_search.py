@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
+from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.identification.calibration import Calibration, Provenance, spread_of
 from taskcal.identification.group_model import (
     EMPTY,
@@ -14,13 +15,10 @@ from taskcal.identification.group_model import (
     MAX_ROUNDS,
     GroupFit,
     GroupModel,
-    PoseNoise,
     assemble,
     fit_group_model,
-    log_evidence,
     of_targets,
     region_factor,
-    score,
 )
 from taskcal.identification.held_out import studentise
 from taskcal.identification.holdout import LeftOutErrors, validate_groups
@@ -72,7 +70,7 @@ def calibrate(
     layout, model = one.problem.layout, one.problem.layout.model
     x, S = fitted.found.averaged(DRAWS, rng)
     u = unlocated_directions(layout, options.target_within) / one.scale[:, None]
-    rows = fitted.A.reshape(-1, len(u))
+    rows = fitted.end.A.reshape(-1, len(u))
     held = one.scale[:, None] * errors_by_unlocated(u, S, rows.T @ rows)
     S = _considered(fitted, S) * np.outer(one.scale, one.scale)
     z = layout.start() + one.scale * x
@@ -80,7 +78,7 @@ def calibrate(
     n, targets = one.problem.seen.valid.shape
     residual = at.residual.reshape(n, targets, -1).copy()
     residual[~one.problem.seen.valid] = np.nan
-    R = errors.covariance(at, one.problem.noise)
+    R = at.covariance(errors, one.problem.noise)
     followed = at.by_entry @ S @ np.swapaxes(at.by_entry, 1, 2)
     single, tracker = of_targets(R, targets), one.problem.noise
     # stretched beside the tracker's noise; where there is more than was predicted, all of it, so that none is negative
@@ -112,11 +110,11 @@ def calibrate(
         group_deviations=_group_deviations(fitted),
         effective_parameters=fitted.found.effective_parameters,
         parameter_groups=len(fitted.group_model.labels),
-        log_evidence=log_evidence(fitted),
+        log_evidence=fitted.end.log_evidence,
         iterations=fitted.rounds,
         rounds=fitted.rounds,
         reason="geometry, effects and their sizes stand still"
-        if fitted.rounds < MAX_ROUNDS
+        if fitted.settled
         else "geometry, effects and their sizes hardly move",
         remarks=(*_remarks(fitted, z, S), *remark_on(help)),
         provenance=Provenance.of(model, campaign, described_with(help, options.described(model, campaign))),
@@ -136,8 +134,8 @@ def _considered(fitted: GroupFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarr
     if not len(left):
         return S
     scale = fitted.group_model.scale[left]
-    columns = np.einsum("nij,njk->nik", fitted.whitener, fitted.at.by_entry[:, :, left]) * scale
-    pull = np.einsum("nip,nik->pk", fitted.A, columns)
+    columns = np.einsum("nij,njk->nik", fitted.end.whitener, fitted.at.by_entry[:, :, left]) * scale
+    pull = np.einsum("nip,nik->pk", fitted.end.A, columns)
     G = -S @ pull
     C = S.copy()
     variance = np.diag(S)[left]
@@ -201,8 +199,8 @@ def find_sharp_orders(fitted: GroupFit, lowest: float) -> list[tuple[str, float]
     robot, at = fitted.group_model.problem.layout.model.robot, fitted.at
     q = robot.joint_map(fitted.group_model.problem.q)
     # the fit was linearised where it ended
-    left = np.einsum("nji,nj->ni", fitted.whitener, np.einsum("nij,nj->ni", fitted.whitener, at.residual))
-    weighted = np.einsum("nij,nik->njk", fitted.whitener, fitted.whitener @ at.by_joint)
+    left = np.einsum("nji,nj->ni", fitted.end.whitener, np.einsum("nij,nj->ni", fitted.end.whitener, at.residual))
+    weighted = np.einsum("nij,nik->njk", fitted.end.whitener, fitted.end.whitener @ at.by_joint)
     pull = np.einsum("nik,ni->nk", at.by_joint, left)
     size = 0.5 * np.einsum("nik,nik->k", at.by_joint, weighted)
     ranges = np.ptp(q, axis=0)
@@ -339,7 +337,9 @@ def find_group_model(
     if like is not None and has_own_sizes(like):
         groups, errors = fitted.group_model.groups, fitted.errors
         tried = _fit(base, campaign, effects, options, None, like=like)
-        gain = evidence_under(tried, tried.group_model.groups, tried.errors) - evidence_under(fitted, groups, errors)
+        gain = evidence_under(tried.end, tried.group_model.groups, tried.errors) - evidence_under(
+            fitted.end, groups, errors
+        )
         help = Help(like=like, gain=gain, untold=untold_effects(fitted.group_model, like))
         fitted = tried if help.taken else fitted
     like = help.like if help is not None and help.taken else None
@@ -347,7 +347,7 @@ def find_group_model(
         progress(other.name)
         replaced = (*(effect for effect in effects if not _share(effect, other, base.model)), other)
         tried = _fit(base, campaign, replaced, options, None, like=like)
-        if log_evidence(tried) > log_evidence(fitted):
+        if tried.end.log_evidence > fitted.end.log_evidence:
             effects, fitted = replaced, tried
     competing = effects
     if SPECTRUM in effects:
@@ -367,7 +367,7 @@ def find_group_model(
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
-    stretch = errors.stretch * region_factor(score(fitted)[0].freedom)
+    stretch = errors.stretch * region_factor(fitted.end.freedom)
     calibration = calibrate(fitted, campaign, options, stretch, errors.growth, np.random.default_rng(seed), help)
     return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
 
@@ -396,8 +396,8 @@ def _fit(
     if like is not None:
         one = expecting(one, like)
         errors = expecting_errors(errors, like, problem.linearise(start), problem) if before is None else errors
-    weights = None if before is None else before.weights
-    return fit_group_model(one, start, errors, options, _first_sizes(one, before), weights, most_rounds)
+    weights = None if before is None else before.end.weights
+    return fit_group_model(one, start, errors, _first_sizes(one, before), weights, most_rounds=most_rounds)
 
 
 def _share(one: Effect, other: Effect, model: ErrorModel) -> bool:
@@ -421,8 +421,8 @@ def _first_errors(base: Calibration, options: FitOptions, joints: int) -> PoseNo
     given = not isinstance(options.model_error, str)
     size = [max(error if given else 0.5 * error, 0.0 if given else MIN_START_DEVIATION) for error in base.model_error]
     return PoseNoise(
-        position=max(size[0] ** 2, 1e-14),
-        rotation=max(size[1] ** 2, 1e-14) if base.layout.block_size == 6 else None,
-        joints=np.full(joints, 1e-14 if given else size[0] ** 2),
+        position=max(size[0] ** 2, MIN_VARIANCE),
+        rotation=max(size[1] ** 2, MIN_VARIANCE) if base.layout.block_size == 6 else None,
+        joints=np.full(joints, MIN_VARIANCE if given else size[0] ** 2),
         searched=not given,
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,6 +11,9 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
 from taskcal.errors import CampaignError
 from taskcal.estimation.matrices import inverse_factors
+from taskcal.identification.options import Grouping
+from taskcal.io.codec import GAPS, NOT_IN_FILE, TRUTHS
+from taskcal.io.toml_file import NotNegative, Ratio
 from taskcal.observations import Compared, Observation, error_lengths
 from taskcal.short_repr import short_repr
 
@@ -157,12 +160,6 @@ def _angular(kinds: Sequence[type[Observation]], residual: np.ndarray) -> Bool[n
     return np.array([kind.angles > 0 for kind in kinds] or [True] * residual.shape[1])
 
 
-Grouping = Literal["neighbours", "blocks", "rows"]
-"""What is held out together: neighbouring poses, rows that follow each other, or nothing but the row itself."""
-
-GROUPINGS: tuple[Grouping, ...] = get_args(Grouping)
-
-
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldOut:
@@ -173,19 +170,19 @@ class HeldOut:
     folds: int
     """Fits that each left a part out, beside the calibration, which knows all rows; 0 where the calibration itself has not
     seen the rows."""
-    rows: Int[np.ndarray, " n"]
+    rows: Int[np.ndarray, " rows"]
     """Rows of the whole campaign, counted from 0."""
-    part: Int[np.ndarray, " n"]
+    part: Int[np.ndarray, " rows"]
     """Which part each row belongs to, counted from 0: its fold, or its group of neighbours or block."""
-    residuals: Float[np.ndarray, "n targets b"]
+    residuals: Annotated[Float[np.ndarray, "rows targets b"], GAPS]
     """Measured less predicted in the axes of the robot's base, metres (then radians, for poses); NaN for lost beams."""
-    nominal: Float[np.ndarray, "n targets b"]
+    nominal: Annotated[Float[np.ndarray, "rows targets b"], GAPS]
     """The same of the nominal robot, with tracker frame and targets found from the rows that were fitted."""
-    inside: Float[np.ndarray, "n targets"] | None = None
+    inside: Annotated[Float[np.ndarray, "rows targets"] | None, TRUTHS] = None
     """Whether each is in the 95 % region that was stated for it, as of `in_regions`; None where none was stated."""
-    rotation_inside: Float[np.ndarray, "n targets"] | None = None
+    rotation_inside: Annotated[Float[np.ndarray, "rows targets"] | None, TRUTHS] = None
     """The same of rotations."""
-    kinds: tuple[type[Observation], ...] = ()
+    kinds: Annotated[tuple[type[Observation], ...], NOT_IN_FILE] = ()
     """Of observation of each target; none where a tracker measured all."""
 
     def __len__(self) -> int:
@@ -279,6 +276,11 @@ def single_postures(q: Float[np.ndarray, "n joints"]) -> Int[np.ndarray, " n"]:
     return np.unique(label, return_inverse=True)[1].reshape(-1)
 
 
+SWEPT_ALIKE = 1e-6
+"""Joints whose sweeps differ by less of their width, and rows by less in radians, are in the order of the robot and of the file. A
+convention: far above rounding, far below what a robot moves."""
+
+
 def _cut(
     centres: Float[np.ndarray, "k joints"], rows: Int[np.ndarray, " k"], members: Int[np.ndarray, " m"], count: int
 ) -> list[Int[np.ndarray, " _"]]:
@@ -287,8 +289,11 @@ def _cut(
         return [members]
     first = count // 2
     away = centres[members] - np.average(centres[members], axis=0, weights=rows[members])
-    along = np.linalg.svd(away, full_matrices=False)[2][0]
-    order = np.argsort(away @ along * np.sign(along[np.argmax(np.abs(along))]), kind="stable")
+    # Joints swept alike give equal singular values, and rounding the direction: earlier joints first.
+    weight = 1 - SWEPT_ALIKE * np.arange(away.shape[1])
+    along = np.linalg.svd(away * weight, full_matrices=False)[2][0]
+    along = along * np.sign(along[np.argmax(np.abs(along))])
+    order = np.argsort(np.round(away @ along / SWEPT_ALIKE), kind="stable")
     reached = np.cumsum(rows[members][order])
     cut = int(np.argmin(np.abs(reached - reached[-1] * first / count))) + 1
     cut = min(max(cut, first), len(members) - (count - first))
@@ -387,9 +392,9 @@ class Outlier:
     """Line of the campaign's file, counted from 1; None where it is not known."""
     id: str
     target: str
-    studentised: float
+    studentised: Ratio
     """Length of its residual over that residual's standard deviation."""
-    residual: float
+    residual: NotNegative
     """Length of its position residual, metres."""
 
     def summary(self) -> dict[str, Any]:
@@ -413,9 +418,9 @@ class LeftOut:
     line: int | None = None
     """Line of the campaign's file, counted from 1; None where it is not known."""
     id: str
-    distance: float
+    distance: NotNegative
     """How far its farthest point is from where the fit of the others has it, metres."""
-    studentised: float
+    studentised: Ratio
     """The same over its standard deviation."""
 
 

@@ -12,30 +12,25 @@ from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.performance import group_postures
-from taskcal.errors import CampaignError
-from taskcal.estimation.group_variances import Evidence, GroupEquations, find_sizes
+from taskcal.errors import CampaignError, WrongValue
+from taskcal.estimation.group_variances import Evidence
+from taskcal.estimation.noisy_rows import PoseNoise
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.calibration import Calibration, covariance_on, in_its_frames, observed_kinds
 from taskcal.identification.group_model import (
     GroupFit,
-    PoseNoise,
     fit_about,
     geometry_alone,
-    sampled_poses,
-    spread_to_all,
-    weigh,
 )
 from taskcal.identification.held_out import (
-    GROUPINGS,
     SAME_POSTURE_RAD,
-    Grouping,
     HeldOut,
     group_neighbours,
     in_regions,
 )
 from taskcal.identification.layout import prior_of
 from taskcal.identification.measured_range import LEAST_RANGE, MeasuredRange
-from taskcal.identification.options import FitOptions
+from taskcal.identification.options import FitOptions, Grouping, Holdout
 from taskcal.identification.problem import Problem
 from taskcal.kernels.chunks import in_chunks
 from taskcal.observations.base import TrackerNoise
@@ -47,80 +42,56 @@ Fit = Callable[[Campaign], Calibration]
 Judged = TypeVar("Judged")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Holdout:
-    """What is held out: a share of the rows, once, or every row once, in folds.
+def groups_of(holdout: Holdout, campaign: Campaign) -> Int[np.ndarray, " n"]:
+    """The group of every row, counted from 0."""
+    n = len(campaign)
+    if holdout.by == "rows":
+        return np.arange(n)
+    share = 0.5 if holdout.share is None else min(holdout.share, 1.0 - holdout.share)
+    count = min(max(GROUPS, 2 * (holdout.folds or 0), int(np.ceil(2.0 / share))), n)
+    return np.arange(n) * count // n if holdout.by == "blocks" else group_neighbours(campaign.q, count)
+
+
+def rows_held_out(holdout: Holdout, campaign: Campaign) -> Int[np.ndarray, " k"]:
+    """Rows that are held out, where a share is.
 
     Raises:
-        ValueError: not exactly one of share and folds, or one of no meaning.
+        CampaignError: none, or all.
     """
+    n, share = len(campaign), holdout.share or 0.0
+    wanted = round(share * n)
+    if not 0 < wanted < n:
+        raise CampaignError(f"holding out {share:g} of {n} rows leaves {n - wanted} to fit and {wanted} to test")
+    group = groups_of(holdout, campaign)
+    rows = np.bincount(group)
+    if len(rows) < 2:
+        raise CampaignError(f"all {n} rows are one pose: a part held out would say nothing; measure at other poses")
+    order = np.random.default_rng(holdout.seed).permutation(len(rows))
+    reached = np.cumsum(rows[order])[:-1]
+    count = int(np.argmin(np.abs(reached - wanted))) + 1
+    return np.flatnonzero(np.isin(group, order[:count]))
 
-    share: float | None = None
-    """Of the rows, held out once; the calibration is that of the others."""
-    folds: int | None = None
-    """Parts that are held out one after another; the calibration is that of all rows."""
-    by: Grouping = "neighbours"
-    seed: int = 0
-    """Of the choice of groups."""
 
-    def __post_init__(self) -> None:
-        if (self.share is None) == (self.folds is None):
-            raise ValueError("give a share of the rows or a number of folds, and only one of them")
-        if self.share is not None and not 0.0 < self.share < 1.0:
-            raise ValueError(f"share is {self.share!r}; give a number between 0 and 1, such as 0.3")
-        if self.folds is not None and self.folds < 2:
-            raise ValueError(f"folds is {self.folds!r}; give 2 or more")
-        if self.by not in GROUPINGS:
-            raise ValueError(f"by is {self.by!r}; give {', '.join(GROUPINGS)}")
+def folds_of(holdout: Holdout, campaign: Campaign) -> list[Int[np.ndarray, " _"]]:
+    """Rows of every fold.
 
-    def groups(self, campaign: Campaign) -> Int[np.ndarray, " n"]:
-        """The group of every row, counted from 0."""
-        n = len(campaign)
-        if self.by == "rows":
-            return np.arange(n)
-        share = 0.5 if self.share is None else min(self.share, 1.0 - self.share)
-        count = min(max(GROUPS, 2 * (self.folds or 0), int(np.ceil(2.0 / share))), n)
-        return np.arange(n) * count // n if self.by == "blocks" else group_neighbours(campaign.q, count)
-
-    def choose(self, campaign: Campaign) -> Int[np.ndarray, " k"]:
-        """Rows that are held out, where a share is.
-
-        Raises:
-            CampaignError: none, or all.
-        """
-        n, share = len(campaign), self.share or 0.0
-        wanted = round(share * n)
-        if not 0 < wanted < n:
-            raise CampaignError(f"holding out {share:g} of {n} rows leaves {n - wanted} to fit and {wanted} to test")
-        group = self.groups(campaign)
-        rows = np.bincount(group)
-        if len(rows) < 2:
-            raise CampaignError(f"all {n} rows are one pose: a part held out would say nothing; measure at other poses")
-        order = np.random.default_rng(self.seed).permutation(len(rows))
-        reached = np.cumsum(rows[order])[:-1]
-        count = int(np.argmin(np.abs(reached - wanted))) + 1
-        return np.flatnonzero(np.isin(group, order[:count]))
-
-    def divide(self, campaign: Campaign) -> list[Int[np.ndarray, " _"]]:
-        """Rows of every fold.
-
-        Raises:
-            CampaignError: fewer groups than folds.
-        """
-        folds, group = self.folds or 0, self.groups(campaign)
-        rows = np.bincount(group)
-        if len(rows) < folds:
-            raise CampaignError(
-                f"{len(campaign)} rows at {len(rows)} different poses are too few to hold out one part of {folds} after another; "
-                "choose fewer folds, or measure more poses"
-            )
-        order = np.random.default_rng(self.seed).permutation(len(rows))
-        fold = np.empty(len(rows), dtype=int)
-        held = np.zeros(folds)
-        for number in order[np.argsort(-rows[order], kind="stable")]:
-            fold[number] = int(held.argmin())
-            held[fold[number]] += rows[number]
-        return [np.flatnonzero(fold[group] == k) for k in range(folds)]
+    Raises:
+        CampaignError: fewer groups than folds.
+    """
+    folds, group = holdout.folds or 0, groups_of(holdout, campaign)
+    rows = np.bincount(group)
+    if len(rows) < folds:
+        raise CampaignError(
+            f"{len(campaign)} rows at {len(rows)} different poses are too few to hold out one part of {folds} after another; "
+            "choose fewer folds, or measure more poses"
+        )
+    order = np.random.default_rng(holdout.seed).permutation(len(rows))
+    fold = np.empty(len(rows), dtype=int)
+    held = np.zeros(folds)
+    for number in order[np.argsort(-rows[order], kind="stable")]:
+        fold[number] = int(held.argmin())
+        held[fold[number]] += rows[number]
+    return [np.flatnonzero(fold[group] == k) for k in range(folds)]
 
 
 def hold_out(
@@ -138,13 +109,16 @@ def hold_out(
     Raises:
         CampaignError: too few rows or poses, or nothing was measured in the rows held out.
         FitError: a fit did not converge.
+        WrongValue: nothing is held out.
     """
+    if not holdout.asked:
+        raise WrongValue("holdout holds nothing out; give it a share of the rows, or a number of folds")
     if holdout.folds is None:
-        out = holdout.choose(campaign)
+        out = rows_held_out(holdout, campaign)
         calibration = fit(_without(campaign, out))
-        group = np.unique(holdout.groups(campaign)[out], return_inverse=True)[1].reshape(-1)
+        group = np.unique(groups_of(holdout, campaign)[out], return_inverse=True)[1].reshape(-1)
         return with_held_out(calibration, campaign, out, nominal, noise=noise, by=holdout.by, part=group)
-    calibration, parts = fit(campaign), holdout.divide(campaign)
+    calibration, parts = fit(campaign), folds_of(holdout, campaign)
     fits = [fit(_without(campaign, part)) for part in parts]
     part = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return _with_errors(calibration, campaign, parts, fits, nominal, noise, by=holdout.by, folds=len(parts), part=part)
@@ -295,17 +269,14 @@ def mean_over_rows(values: Float[np.ndarray, "rows targets"]) -> tuple[float, fl
 
 # What a fit is worth where it was not fitted: left-out errors, and how far stated regions reach, beyond the measured range too.
 #
-# Parts are left out of the normal equations, and the sizes of the groups follow by a few steps of the scoring, as do the weights of
-# the poses; the rows are not linearised again, and what single poses add stays. An effect's worth is the error without its groups,
-# the others as they are, so that no model is fitted again.
+# Parts are left out of the rows, and the sizes of the groups follow by a few steps of the search, as do the weights of the poses
+# (`NoisyFit.without`). The rows are not linearised again, and what single poses add stays. An effect's worth is the error without
+# its groups, the others as they are, so that no model is fitted again.
 #
-# Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that were allowed
-# for but
-# are not there make what is stated too large: all of it shows in the left-out errors. They are taken for t-distributed with ν
-# degrees
-# of freedom and the scale N + s·X, N the covariance of the instrument's noise, which is stated, and X what is predicted
-# beside it; X
-# is stretched so that the 95 % region of N and X is that of this distribution.
+# Real errors have longer tails than normal ones, sizes that were fitted are a little too good, and effects that were allowed for
+# but are not there make what is stated too large: all of it shows in the left-out errors. They are taken for t-distributed with ν
+# degrees of freedom and the scale N + s·X, N the covariance of the instrument's noise, which is stated, and X what is predicted
+# beside it; X is stretched so that the 95 % region of N and X is that of this distribution.
 #
 # Among the measured poses the factor is one number, s = f. What a model leaves is not white: a smooth error is followed among the
 # poses by parameters that do not have it, and beyond them they go on where it does not. There s = f·(1 + g·u²), with u how far a
@@ -313,8 +284,9 @@ def mean_over_rows(values: Float[np.ndarray, "rows targets"]) -> tuple[float, fl
 # out the ends of the joints' ranges, and no less than regions need to hold 95 % there. Ends tell nothing of f: among the poses
 # u = 0, and an f that held the ends too would be too large where nothing is extrapolated.
 
-FOLD_STEPS = 2
-"""Steps of the scoring in a fold. A convention: sizes of nearly the same rows are near at the start."""
+FOLD_STEPS, FOLD_GAIN = 2, 1e-2
+"""Steps of a search in a fold, at most, and the gain of log posterior, expected of the next, at which it ends. A convention: sizes
+of nearly the same rows are near at the start."""
 
 VALIDATION_DRAWS = 2
 """Draws of the sizes in a fold. A convention: errors of all folds are averaged as well."""
@@ -379,7 +351,7 @@ def validate_groups(
         return at, [_lengths(fitted, part, at.without(group).mean) for group in numbers.values()]
 
     for part, (at, others) in zip(parts, _of_folds(fitted, parts, without_effects), strict=True):
-        spread = at.averaged_spread(fitted.A[part], VALIDATION_DRAWS, rng)
+        spread = at.averaged_spread(fitted.end.A[part], VALIDATION_DRAWS, rng)
         error[part], predicted[part] = _judge(fitted, part, at.mean, spread)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, lengths in zip(numbers, others, strict=True):
@@ -409,7 +381,11 @@ def errors_of_parts(
         parts: rows of each, which may have rows in common.
         effects: names of those whose worth is asked for.
     """
-    return _by_part(effects, _of_folds(fitted, parts, lambda part, at: _means(fitted, part, at, effects)))
+
+    def judge(part: np.ndarray, at: Evidence) -> list[float]:
+        return _means(fitted, part, _lengths(fitted, part, at.mean), at, effects)
+
+    return _by_part(effects, _of_folds(fitted, parts, judge))
 
 
 def _by_part(effects: Sequence[str], means: Sequence[Sequence[float]]) -> PartErrors:
@@ -417,12 +393,17 @@ def _by_part(effects: Sequence[str], means: Sequence[Sequence[float]]) -> PartEr
     return PartErrors(whole=columns[0], without=dict(zip(effects, columns[1:], strict=True)))
 
 
-def _means(fitted: GroupFit, part: Int[np.ndarray, " k"], at: Evidence, effects: Sequence[str]) -> list[float]:
-    """Mean error of a part of the rows, and the same without each effect."""
+def _means(
+    fitted: GroupFit,
+    part: Int[np.ndarray, " k"],
+    lengths: Float[np.ndarray, "k targets"],
+    at: Evidence,
+    effects: Sequence[str],
+) -> list[float]:
+    """Mean error of a part of the rows, of which these are the lengths, and the same without each effect."""
     seen = fitted.group_model.problem.seen.valid[part]
-    without = [at.without(fitted.group_model.of_effect(name)).mean for name in effects]
-    lengths = [_lengths(fitted, part, mean)[seen] for mean in (at.mean, *without)]
-    return [float(some.mean()) if len(some) else np.nan for some in lengths]
+    without = [_lengths(fitted, part, at.without(fitted.group_model.of_effect(name)).mean) for name in effects]
+    return [float(some[seen].mean()) if seen.any() else np.nan for some in (lengths, *without)]
 
 
 def _of_folds(
@@ -431,61 +412,34 @@ def _of_folds(
     judge: Callable[[Int[np.ndarray, " _"], Evidence], Judged],
 ) -> list[Judged]:
     """What is said of each part by the fit without it."""
-    (n, m, p), groups = fitted.A.shape, fitted.group_model.groups
-    # the weights of the fit know the rows that are left out: those that disagree with them count less
-    root = np.sqrt(fitted.weights)[:, None]
-    A, y = fitted.A / root[:, :, None], fitted.y / root
-    known, told = fitted.stated
-
-    def equations(A: np.ndarray, y: np.ndarray) -> GroupEquations:
-        rows = np.concatenate([A.reshape(A.shape[0] * m, p), known])
-        return GroupEquations.of_rows(rows, np.concatenate([y.reshape(-1), told]), groups)
-
-    few, numbered = n * m < p, fitted.at.seen.sum(axis=1)
-    whole = None if few else equations(A, y)
-
-    def without(part: Int[np.ndarray, " k"]) -> Evidence:
-        rest = np.ones(n, dtype=bool)
-        rest[part] = False
-        fold = (
-            equations(A[rest], y[rest])
-            if whole is None
-            else whole.less(A[part].reshape(len(part) * m, p), y[part].reshape(-1))
-        )
-        at = find_sizes(fold, fitted.found.log_variances, FOLD_STEPS)
-        if not fitted.errors.searched:
-            return at
-        weighed = np.sqrt(weigh(_squares(A, y, at), numbered)[rest])[:, None]
-        return find_sizes(equations(A[rest] * weighed[:, :, None], y[rest] * weighed), at.log_variances, FOLD_STEPS)
-
+    end = fitted.end
     # few rows take little memory; with many, each pass over them has threads of its own
+    at_once = 1 if end.y.size < end.A.shape[2] else max(len(parts), 1)
     found = in_chunks(
-        lambda some: [judge(part, without(part)) for part in parts[some]], len(parts), 1 if few else max(len(parts), 1)
+        lambda some: [judge(part, end.without(part, FOLD_STEPS, FOLD_GAIN)) for part in parts[some]],
+        len(parts),
+        at_once,
     )
     return [one for some in found for one in some]
 
 
-def _squares(A: Float[np.ndarray, "n m p"], y: Float[np.ndarray, "n m"], fold: Evidence) -> Float[np.ndarray, " n"]:
-    """Expected squares of what a fold's fit leaves."""
-    spread = np.trace(fold.spread(A[sampled_poses(len(A))]), axis1=1, axis2=2)
-    return ((y - A @ fold.mean) ** 2).sum(axis=1) + spread_to_all(spread, len(A))
-
-
 def _left(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k m"]:
     """Whitened residuals of some rows; what only they measure, such as a socket of theirs, stands where they say."""
-    left = fitted.y[part] - fitted.A[part] @ mean
+    left = fitted.end.y[part] - fitted.end.A[part] @ mean
     frames = np.flatnonzero(fitted.group_model.groups.group < 0)
-    others = np.delete(fitted.A[:, :, frames], part, axis=0)
-    lone = frames[~others.any(axis=(0, 1)) & fitted.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))]
+    others = np.delete(fitted.end.A[:, :, frames], part, axis=0)
+    lone = frames[
+        ~others.any(axis=(0, 1)) & fitted.end.A[np.ix_(part, np.arange(left.shape[1]), frames)].any(axis=(0, 1))
+    ]
     if not len(lone):
         return left
-    own = fitted.A[part][:, :, lone].reshape(-1, len(lone))
+    own = fitted.end.A[part][:, :, lone].reshape(-1, len(lone))
     return left - (own @ np.linalg.lstsq(own, left.reshape(-1), rcond=None)[0]).reshape(left.shape)
 
 
 def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.ndarray, "k targets"]:
     """Errors of position of some rows, metres."""
-    error = np.linalg.solve(fitted.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
+    error = np.linalg.solve(fitted.end.whitener[part], _left(fitted, part, mean)[..., None])[..., 0]
     targets = fitted.group_model.problem.seen.valid.shape[1]
     return np.linalg.norm(error.reshape(len(part), targets, -1)[:, :, :3], axis=2)
 
@@ -494,11 +448,11 @@ def _judge(
     fitted: GroupFit, part: np.ndarray, mean: np.ndarray, spread: Float[np.ndarray, "k m m"]
 ) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
     """Errors of position of some rows, and their predicted covariance, of which `spread` is that of what the model says."""
-    m = fitted.A.shape[1]
-    back = np.linalg.inv(fitted.whitener[part])
+    m = fitted.end.A.shape[1]
+    back = np.linalg.inv(fitted.end.whitener[part])
     error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
     # a new pose has a weight of its own, that is told by no residual
-    single = np.eye(m) * fitted.weights[part, None, None]
+    single = np.eye(m) * fitted.end.weights[part, None, None]
     covariance = back @ (spread + single) @ np.swapaxes(back, 1, 2)
     targets = fitted.group_model.problem.seen.valid.shape[1]
     width = m // targets
@@ -620,12 +574,13 @@ def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) ->
     def judge(part: np.ndarray, at: Evidence) -> tuple[list[float], tuple[np.ndarray, ...]]:
         rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
         u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
-        error, predicted = _judge(fitted, part, at.mean, at.spread(fitted.A[part]))
+        error, predicted = _judge(fitted, part, at.mean, at.spread(fitted.end.A[part]))
         row, target = np.nonzero(seen[part])
         noise = problem.noise[part][row, target][:, :3, :3]
         v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
         weight = np.full(len(row), min(1.0, ERRORS_OF_AN_END / len(row)))
-        return _means(fitted, part, at, effects), (v, square, u[row], weight)
+        means = _means(fitted, part, np.linalg.norm(error, axis=2), at, effects)
+        return means, (v, square, u[row], weight)
 
     judged = _of_folds(fitted, end_parts(problem), judge)
     errors, ends = _by_part(effects, [means for means, _ in judged]), [end for _, end in judged]
@@ -675,15 +630,9 @@ def about_calibration(calibration: Calibration, problem: Problem, options: FitOp
         problem = replace(problem, layout=replace(problem.layout, estimated=kept))
         z = np.concatenate([z[kept], z[p:]])
     one = geometry_alone(problem, prior_of(problem.layout, options.prior), options)
-    variances = np.square(calibration.model_error)
-    errors = PoseNoise(
-        position=float(variances[0]),
-        rotation=float(variances[1]) if len(variances) > 1 else None,
-        joints=np.zeros(0),
-        searched=False,
-    )
+    errors = PoseNoise.of_deviations(calibration.model_error)
     sizes = np.full(len(one.labels), 2.0 * np.log(calibration.prior_scale or 1.0))
-    return fit_about(one, z, errors, options, sizes)
+    return fit_about(one, z, errors, sizes)
 
 
 def growth_of(calibration: Calibration, problem: Problem, options: FitOptions) -> float:

@@ -11,19 +11,16 @@ from taskcal.errors import FitError
 from taskcal.estimation.group_variances import STATED_VARIANCE, variance_posterior
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
 from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
-from taskcal.estimation.prior import Loss, Squared
+from taskcal.estimation.noisy_rows import MIN_VARIANCE, TYPICAL, WIDTH, PoseNoise
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import (
-    MIN_VARIANCE,
-    TYPICAL,
-    WIDTH,
+    SETTLED_GAIN,
     GroupFit,
     GroupModel,
-    NoiseStep,
-    PoseNoise,
+    Moved,
+    fit_group_model,
     geometry_alone,
     region_factor,
-    search_about,
 )
 from taskcal.identification.layout import Layout, PriorOfEstimate, errors_by_unlocated
 from taskcal.identification.options import FitOptions
@@ -113,7 +110,6 @@ class Fitted:
 
     problem: Problem
     prior: PriorOfEstimate
-    loss: Loss
     hyper: Hyperparameters
     solution: Solution
     covariance: Float[np.ndarray, "n targets b b"]
@@ -158,14 +154,6 @@ class Fitted:
         """Covariance of the predictions."""
         return self._propagated[1]
 
-    @cached_property
-    def weights(self) -> Float[np.ndarray, "n targets"]:
-        """Weights of the loss."""
-        if isinstance(self.loss, Squared):
-            return np.ones(self.problem.seen.valid.shape)
-        white = (self.white @ np.nan_to_num(self.residual)[..., None])[..., 0]
-        return self.loss.weights(np.sqrt(np.mean(white**2, axis=2)))
-
     def evidence(self) -> float:
         """Log p(measurements | hyperparameters) = −objective − ½ log|R| + ½ log|P| − ½ log|H + P|, but for a constant.
 
@@ -184,7 +172,6 @@ class Fitted:
 def fit_weighed(
     problem: Problem,
     prior: PriorOfEstimate,
-    loss: Loss,
     hyper: Hyperparameters,
     z: Float[np.ndarray, " z"],
     stopping: Stopping,
@@ -196,7 +183,6 @@ def fit_weighed(
     Args:
         problem: the campaign.
         prior: of its estimate.
-        loss: of residuals.
         hyper: model error and scale of the prior.
         z: where to start.
         stopping: when to end.
@@ -209,7 +195,7 @@ def fit_weighed(
     covariance = problem.covariance(hyper.variances)
     white = whitener(covariance)
     precision, damping = prior.precision(hyper.prior_factor), 1e-2 if prior.parameters is None else 0.0
-    equations = equations or problem.equations(white, loss.code, loss.threshold)
+    equations = equations or problem.equations(white)
     solution = fit(equations, z, prior.mean, precision, prior.scale, stopping, damping, known)
     slowly = solution.ended is Ended.TOO_MANY_ITERATIONS and stopping.iterations < SLOW.iterations
     if slowly and prior.parameters is not None:
@@ -220,11 +206,9 @@ def fit_weighed(
         remedy = "keep the prior, or fewer parameters" if prior.parameters is None else "keep fewer parameters"
         raise FitError(
             f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
-            f"check the campaign with a robust loss (loss=Cauchy()), or {remedy}"
+            f"check the campaign (taskcal doctor), or {remedy}"
         )
-    return Fitted(
-        problem=problem, prior=prior, loss=loss, hyper=hyper, solution=solution, covariance=covariance, white=white
-    )
+    return Fitted(problem=problem, prior=prior, hyper=hyper, solution=solution, covariance=covariance, white=white)
 
 
 def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
@@ -241,12 +225,9 @@ def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
 
 # The fit and its hyperparameters in turn: model error and prior scale are those of the largest marginal likelihood.
 
-LINEAR_WITHIN = 1.0
-"""Newton decrement, a step of 1.4 standard deviations, within which rows are taken as linear while hyperparameters are sought: what
-the curvature adds to a residual there is a thousandth of the noise and less."""
-
-CURVED_WITHIN = 1e-3
-"""The same of a robust loss, and of other instruments than a tracker."""
+LINEAR_WITHIN = SETTLED_GAIN
+"""Newton decrement of an estimate by rows that are linear about the one before, within which these are taken as linear while
+hyperparameters are sought: the gain of log posterior at which the search itself has settled."""
 
 MAX_ROUNDS = 60
 """Of fit and hyperparameters in turn, at most."""
@@ -269,42 +250,42 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     Raises:
         FitError: the fit did not converge.
     """
-    loss, tracked = options.loss, problem.layout.tracked
-    final = Stopping() if tracked else SLOW
+    final = Stopping() if problem.layout.tracked else SLOW
     if prior.parameters is None:
         final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
-    linear = _is_linear(problem, prior, options)
-    loose = replace(final, decrement=LINEAR_WITHIN if linear else max(final.decrement, CURVED_WITHIN))
+    loose = replace(final, decrement=max(final.decrement, LINEAR_WITHIN))
     part = _sample(problem)
-    searched = _search(part, prior, geometry_alone(part, prior, options), _first_errors(part, options), options, loose)
-    help = None
-    if options.like is not None and searched.found is not None:
-        searched, help = _with_sibling(searched, options.like, part, prior, options, loose)
-    one, hyper, z, rounds = searched.one, searched.hyper, searched.z, searched.rounds
-    known = searched.known if part is problem else None
-    scaled = bool(len(one.groups.searched))
-    deviations, expected = searched.step.deviations, np.asarray(searched.step.errors.width) < WIDTH
-    insignificant = searched.step.errors.searched & (hyper.variances < SIGNIFICANT * deviations) & ~expected
+    one, errors = geometry_alone(part, prior, options), first_errors(part, options)
+    hyper, z, known, rounds, help = _hyper(errors, one.groups.location), part.layout.start(), None, 0, None
+    scaled, found = bool(len(one.groups.searched)), None
+    if errors.searched or scaled:
+        found = _search(part, prior, one, errors, loose)
+        if options.like is not None:
+            found, help = _with_sibling(found, options.like, part, prior, options, loose)
+        one, errors, z, rounds = found.group_model, found.errors, found.to.z, found.rounds
+        hyper, known = _hyper(errors, found.found.log_variances), found.to.solution if part is problem else None
+    deviations = np.zeros(len(hyper.variances)) if found is None else found.end.deviations
+    insignificant = errors.searched & (hyper.variances < SIGNIFICANT * deviations) & ~(np.asarray(errors.width) < WIDTH)
     if not insignificant.all():
         # of an error that is there, images hardly tell position and rotation apart: a part goes only where the rows have none of it
         insignificant &= hyper.variances <= 2.0 * MIN_VARIANCE
     if insignificant.any():
         without = replace(hyper, variances=np.where(insignificant, 0.0, hyper.variances))
-        if prior.parameters is None or _is_as_probable(part, prior, loss, without, hyper, z, loose):
+        if prior.parameters is None or _is_as_probable(part, prior, without, hyper, z, loose):
             hyper, known = without, None
-    hyper = replace(hyper, freedom=searched.step.freedom if hyper.variances.any() else np.inf)
-    fitted = fit_weighed(problem, prior, loss, hyper, z, loose if scaled else final, known)
+    hyper = replace(hyper, freedom=np.inf if found is None or not hyper.variances.any() else found.end.freedom)
+    fitted = fit_weighed(problem, prior, hyper, z, loose if scaled else final, known)
     fitted = replace(fitted, log_evidence=fitted.evidence(), rounds=rounds + 1, help=help)
     if not scaled:
         return fitted
-    found = fitted.solution
-    scale = variance_posterior(one.equations(found.z, found.gradient, found.information))
-    widening = scale.region_factor if problem.measured_numbers < len(found.z) else 1.0
+    before = fitted.solution
+    scale = variance_posterior(one.equations(before.z, before.gradient, before.information))
+    widening = scale.region_factor if problem.measured_numbers < len(before.z) else 1.0
     hyper_of_mean = replace(hyper, prior_factor=scale.mean, prior_widening=widening)
-    again = fit_weighed(problem, prior, loss, hyper_of_mean, found.z, final, found)
+    again = fit_weighed(problem, prior, hyper_of_mean, before.z, final, before)
     return replace(
         again,
-        solution=replace(again.solution, iterations=found.iterations + again.solution.iterations),
+        solution=replace(again.solution, iterations=before.iterations + again.solution.iterations),
         rounds=fitted.rounds,
         log_evidence=fitted.log_evidence,
         likeliest_factor=hyper.prior_factor,
@@ -312,58 +293,37 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     )
 
 
-def _is_linear(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> bool:
+def _is_linear(problem: Problem, prior: PriorOfEstimate) -> bool:
     """Whether rows are taken as linear near an estimate."""
-    return problem.layout.tracked and prior.parameters is not None and isinstance(options.loss, Squared)
+    return problem.layout.tracked and prior.parameters is not None
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Searched:
-    """Hyperparameters of the largest marginal likelihood."""
-
-    one: GroupModel
-    hyper: Hyperparameters
-    z: Float[np.ndarray, " z"]
-    """Estimate under them."""
-    known: Solution | None
-    """The fit that ended there."""
-    rounds: int
-    found: GroupFit | None
-    """Where the search ended; None where nothing was to be found."""
-    step: NoiseStep
-
-
-def _search(
-    part: Problem, prior: PriorOfEstimate, one: GroupModel, errors: PoseNoise, options: FitOptions, loose: Stopping
-) -> _Searched:
-    """Find model error and prior scale.
+def _search(part: Problem, prior: PriorOfEstimate, one: GroupModel, errors: PoseNoise, loose: Stopping) -> GroupFit:
+    """Find model error and prior scale, and the estimate under them.
 
     Raises:
         FitError: the fit did not converge.
     """
-    linear = _is_linear(part, prior, options)
-    z, sizes, k = part.layout.start(), one.groups.location, len(errors.variances)
-    step, found = NoiseStep(errors=errors, deviations=np.zeros(k), information=np.zeros((k, k))), None
-    hyper, rounds, known = _hyper(errors, sizes), 0, None
-    while (errors.searched or len(one.groups.searched)) and rounds <= MAX_ROUNDS:
-        if rounds or not linear:
-            before, solution = z, fit_weighed(part, prior, options.loss, hyper, z, loose).solution
-            z = solution.z
-            if rounds and np.array_equal(z, before):
-                known = solution
-                break
-        found, step = search_about(one, z, step.errors, options, sizes)
-        rounds, sizes = rounds + 1, found.found.log_variances
-        hyper = _hyper(step.errors, sizes)
+    linear, z = _is_linear(part, prior), part.layout.start()
+
+    def fit_from(begin: np.ndarray, hyper: Hyperparameters) -> Moved:
+        # a fit that is damped, where a step to the posterior mean may lead to lengths that do not close
+        solution = fit_weighed(part, prior, hyper, begin, loose).solution
+        return Moved(solution.z, stands=np.array_equal(solution.z, begin), solution=solution)
+
+    def move(found: GroupFit) -> Moved:
         # where rows are linear, the fit under the new hyperparameters has its end where theirs have it
-        if linear:
-            z = one.estimate_of(found.found.mean)
-    return _Searched(one=one, hyper=hyper, z=z, known=known, rounds=rounds, found=found, step=step)
+        begin = one.estimate_of(found.found.mean) if linear else found.z
+        return fit_from(begin, _hyper(found.errors, found.found.log_variances))
+
+    if not linear:
+        z = fit_from(z, _hyper(errors, one.groups.location)).z
+    return fit_group_model(one, z, errors, most_rounds=MAX_ROUNDS, move=move)
 
 
 def _with_sibling(
-    plain: _Searched, like: Calibration, part: Problem, prior: PriorOfEstimate, options: FitOptions, loose: Stopping
-) -> tuple[_Searched, Help]:
+    plain: GroupFit, like: Calibration, part: Problem, prior: PriorOfEstimate, options: FitOptions, loose: Stopping
+) -> tuple[GroupFit, Help]:
     """Hyperparameters as expected by a sibling, where the rows are more probable so; else those without.
 
     What is expected of any robot is that its prior's scale is about 1, and its model error `TYPICAL`.
@@ -371,16 +331,14 @@ def _with_sibling(
     Raises:
         FitError: the fit did not converge.
     """
-    groups = plain.one.groups
-    proper = replace(plain.one, groups=replace(groups, spread=np.minimum(groups.spread, STATED_VARIANCE)))
-    errors = replace(plain.step.errors, width=WIDTH)
-    at = part.linearise(plain.z, joints=False)
+    groups = plain.group_model.groups
+    proper = replace(plain.group_model, groups=replace(groups, spread=np.minimum(groups.spread, STATED_VARIANCE)))
+    errors = replace(plain.errors, width=WIDTH)
+    at = part.linearise(plain.to.z, joints=False)
     one = expecting(proper, like)
-    helped = _search(part, prior, one, expecting_errors(plain.step.errors, like, at, part), options, loose)
-    if plain.found is None or helped.found is None:
-        return plain, Help(like=like, gain=0.0)
-    without = evidence_under(plain.found, proper.groups, errors)
-    gain = evidence_under(helped.found, one.groups, expecting_errors(errors, like, at, part)) - without
+    helped = _search(part, prior, one, expecting_errors(plain.errors, like, at, part), loose)
+    without = evidence_under(plain.end, proper.groups, errors)
+    gain = evidence_under(helped.end, one.groups, expecting_errors(errors, like, at, part)) - without
     help = Help(like=like, gain=gain)
     return (helped if help.taken else plain), help
 
@@ -388,7 +346,6 @@ def _with_sibling(
 def _is_as_probable(
     problem: Problem,
     prior: PriorOfEstimate,
-    loss: Loss,
     without: Hyperparameters,
     found: Hyperparameters,
     z: Float[np.ndarray, " z"],
@@ -399,7 +356,7 @@ def _is_as_probable(
     A variance that d numbers tell has a standard error of √(2/d) times itself. It is within two of zero wherever d is under 8,
     although the rows may be 10¹⁰ times as probable under it.
     """
-    with_error, alone = (fit_weighed(problem, prior, loss, hyper, z, stopping).evidence() for hyper in (found, without))
+    with_error, alone = (fit_weighed(problem, prior, hyper, z, stopping).evidence() for hyper in (found, without))
     return with_error - alone < 0.5 * SIGNIFICANT**2
 
 
@@ -414,7 +371,7 @@ def _sample(problem: Problem) -> Problem:
     return problem.take(np.sort(np.random.default_rng(0).choice(len(problem.q), size=SAMPLED_FROM, replace=False)))
 
 
-def _first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
+def first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
     """Model error as given; or a tenth of what the registered nominal robot leaves, large, as the prior steers a first fit."""
     groups, found = problem.noise.shape[-1] // 3, isinstance(options.model_error, str)
     first = max(0.1 * problem.layout.registration.rms / np.sqrt(3.0), TYPICAL)
@@ -508,8 +465,8 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     k = _entries(problem.layout, whole.layout)
     z = spread_out(fit.solution.z, problem.layout, whole.layout)
     d = np.setdiff1d(np.arange(len(z)), k)
-    R = whole.covariance(hyper.variances) / fit.weights[..., None, None]
-    W = np.linalg.inv(fit.covariance) * fit.weights[..., None, None]
+    R = whole.covariance(hyper.variances)
+    W = np.linalg.inv(fit.covariance)
     H = whole.information(z, _root(W))
     B = whole.information(z, _root(W @ R @ W))
     Sigma = hyper.prior_widening * prior.covariance(hyper.prior_factor)
@@ -530,7 +487,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
         estimated=problem.layout.estimated,
         z=z,
         covariance=C,
-        residual_covariance=own * fit.weights[..., None, None],
+        residual_covariance=own,
         hyper=hyper,
         unlocated=_by_unlocated(fit, problem.layout, whole.layout),
     )

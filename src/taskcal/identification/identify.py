@@ -2,18 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Unpack
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import checked
+from taskcal.arguments import Named, by_name, checked, chosen_options
 from taskcal.campaigns.campaign import Campaign, check_rows, name_moving, named_file
-from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError
+from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFrameError, listed
 from taskcal.estimation.matrices import invert_positive, single_threaded
-from taskcal.estimation.trimmed_squares import LinearRows, Sizes, find_agreeing, scaled_lengths, student_limits
+from taskcal.estimation.noisy_rows import FREEDOM, MIN_VARIANCE, TYPICAL
+from taskcal.estimation.trimmed_squares import Sizes, TrimmedRows, find_agreeing, scaled_lengths, student_limits
 from taskcal.identification.calibration import Calibration, Provenance, covariance_on, spread_of, tells_nothing
-from taskcal.identification.group_model import FREEDOM, MIN_VARIANCE, TYPICAL
+from taskcal.identification.checks.checks import DOCTOR, error_by_tolerances, with_checks
+from taskcal.identification.group_model import geometry_alone
 from taskcal.identification.held_out import LeftOut, studentise
 from taskcal.identification.holdout import growth_of
 from taskcal.identification.hyperparameters import (
@@ -21,16 +22,17 @@ from taskcal.identification.hyperparameters import (
     Fitted,
     Outcome,
     consider,
+    first_errors,
     fit_with_hyperparameters,
     fitted_alone,
 )
-from taskcal.identification.layout import Layout, PriorOfEstimate, layout_of, prior_of
+from taskcal.identification.layout import PriorOfEstimate, layout_of, prior_of
 from taskcal.identification.measured_range import MeasuredRange
-from taskcal.identification.options import FitChoices, FitOptions
+from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.sibling import check_sibling, described_with, remark_on
 from taskcal.observations.base import TrackerNoise
-from taskcal.registration.plausibility import check_plausible, check_targets, is_in_base, most_wrong_rows
+from taskcal.registration.plausibility import check_plausible, check_targets, most_wrong_rows
 from taskcal.registration.registration import (
     FAR_MEDIANS,
     PLAUSIBLE_SHARE,
@@ -40,6 +42,7 @@ from taskcal.registration.registration import (
     register_trimmed,
     trusted_distance,
 )
+from taskcal.registration.rotations import fit_rotations, refuse_wrong_rotations
 from taskcal.robot.error_model import ErrorModel
 
 # Rows that cannot be right beside all others: found before the fit, left out, and said.
@@ -113,62 +116,41 @@ def _find_right_rows(
     layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=options.frames == "fixed")
     whole, prior = problem_of(layout, campaign, options.noise), prior_of(layout, "tolerances")
     some = seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))]
-    linear = _linear_rows(whole.take(some), prior, _limits(campaign), options)
+    linear = _rows_about_start(whole.take(some), prior, _limits(campaign), options)
     count = max(len(some) - 2 * most_wrong_rows(len(some)), 1)
-    found = find_agreeing(linear, _first_sizes(layout, linear.noise.shape[-1] // 3, options), count)
+    found = find_agreeing(linear, _first_sizes(whole, options), count)
     right[some] = found.rows
     others = np.setdiff1d(seen, some)
     if len(others):
         rest, scale, sizes = whole.take(others), prior.scale, found.weighed.sizes
         left, own = rest.propagate(layout.start() + scale * found.d, found.covariance * np.outer(scale, scale))
-        lengths = scaled_lengths(np.nan_to_num(left), np.nan_to_num(own) + rest.covariance(sizes.variances))
+        lengths = scaled_lengths(np.nan_to_num(left), np.nan_to_num(own) + rest.covariance(sizes.errors.variances))
         right[others] = (lengths <= linear.limits).all(axis=1)
     return right, far
 
 
-def _linear_rows(
-    problem: Problem, prior: PriorOfEstimate, limits: Float[np.ndarray, " targets"], options: FitOptions
-) -> LinearRows:
-    """A problem about its start, in units of the prior."""
+def _rows_about_start(problem: Problem, prior: PriorOfEstimate, limits: np.ndarray, options: FitOptions) -> TrimmedRows:
+    """A problem where the prior expects it, in units of the prior."""
     z, seen = problem.layout.start(), problem.seen
-    at, stated = problem.linearise(z, joints=False), problem.stated(z)
-    by_stated, k = stated.by_entry * prior.scale, len(prior.sizes)
-    known = by_stated.T @ by_stated
-    known[k:, k:] += prior.frames * np.outer(prior.scale[k:], prior.scale[k:])
-    shape = problem.noise.shape[:3]
-    measured = np.zeros(shape, dtype=bool)
+    measured = np.zeros(problem.noise.shape[:3], dtype=bool)
     for t, kind in enumerate(seen.kinds):
         measured[:, t, kind.block()] = seen.valid[:, [t]]
-    return LinearRows(
-        residual=at.residual.reshape(shape),
-        by_entry=at.by_entry.reshape(*shape, len(z)) * prior.scale,
-        noise=problem.noise,
-        measured=measured,
-        limits=limits,
-        searched=(isinstance(options.model_error, str), isinstance(options.prior_scale, str)),
-        least_variance=MIN_VARIANCE,
-        known=known,
-        told=by_stated.T @ stated.residual,
-        scaled=k,
-    )
+    rows = geometry_alone(problem, prior, options).rows(z, problem.linearise(z, joints=False))
+    return TrimmedRows(rows=rows, measured=measured, limits=limits)
 
 
-def _first_sizes(layout: Layout, groups: int, options: FitOptions) -> Sizes:
+def _first_sizes(problem: Problem, options: FitOptions) -> Sizes:
     """As given; or a tenth of what the registered nominal robot leaves, and the tolerances as they are."""
-    scale, error = options.prior_scale, options.model_error
-    first = max(0.1 * layout.registration.rms / np.sqrt(3.0), TYPICAL) if isinstance(error, str) else error
-    variances = np.square(np.resize(np.atleast_1d(np.asarray(first, dtype=float)), groups))
-    factor = 1.0 if isinstance(scale, str) else float(scale) ** 2
-    return Sizes(np.maximum(variances, MIN_VARIANCE), factor)
+    errors, scale = first_errors(problem, options), options.prior_scale
+    least = errors.with_variances(np.maximum(errors.variances, MIN_VARIANCE))
+    return Sizes(least, 1.0 if isinstance(scale, str) else float(scale) ** 2)
 
 
 def _limits(campaign: Campaign) -> Float[np.ndarray, " targets"]:
     """Standard deviations from which on each target is wrong."""
-    widths = [kind.width for kind in campaign.observations] or [3 if campaign.rotations is None else 6] * len(
-        campaign.targets
-    )
+    widths = np.array([kind.width for kind in campaign.observed])
     chance = INNOCENT_ROWS / max(int(campaign.valid.sum()), 1)
-    return np.minimum(student_limits(np.array(widths), FREEDOM, chance), GROSS_SIGMAS)
+    return np.minimum(student_limits(widths, FREEDOM, chance), GROSS_SIGMAS)
 
 
 def _fit_right_rows(
@@ -232,7 +214,9 @@ def _fit_right_rows(
         )
         for i, off, sigmas in zip(rest, distance, length, strict=True)
     )
-    said = _said(left_out, [campaign.row(int(i)) for i in rest], int(seen.sum()))
+    turned = fit_rotations(fitted.calibration.model, campaign)
+    degrees = np.degrees(np.where(turned.wrong, turned.off, 0.0) if turned else np.zeros(len(campaign)))[rest]
+    said = _said(left_out, degrees, [campaign.row(int(i)) for i in rest], int(seen.sum()))
     calibration = fitted.calibration
     return replace(fitted, calibration=replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks)))
 
@@ -240,24 +224,23 @@ def _fit_right_rows(
 def _check_few(rows: Int[np.ndarray, " k"], campaign: Campaign) -> None:
     seen = int(campaign.seen.sum())
     if len(rows) > most_wrong_rows(seen):
-        named = ", ".join(campaign.row(int(row)) for row in rows[:MAX_NAMED_ROWS])
-        named += ", …" if len(rows) > MAX_NAMED_ROWS else ""
+        named = listed((campaign.row(int(row)) for row in rows), MAX_NAMED_ROWS)
         raise CampaignError(
             f"{named_file(campaign)}{len(rows)} of {seen} rows do not agree with the others ({named}): "
             "with more than a tenth of the rows, which are the wrong ones cannot be told. "
-            "Correct or leave out the wrong ones, or fit all of them with a robust loss (gross_errors='keep', loss=Cauchy(); "
-            "--gross-errors keep --loss cauchy)"
+            "Correct or leave out the wrong ones, or fit all of them (gross_errors='keep', --gross-errors keep)"
         )
 
 
-def _said(left_out: tuple[LeftOut, ...], names: list[str], seen: int) -> str:
-    named = "; ".join(
-        f"{name}, {row.distance * 1e3:.1f} mm off, {row.studentised:.0f} standard deviations"
-        for name, row in zip(names[:MAX_NAMED_ROWS], left_out, strict=False)
+def _said(left_out: tuple[LeftOut, ...], turned_deg: Float[np.ndarray, " k"], names: list[str], seen: int) -> str:
+    every = (
+        f"{name}, {row.distance * 1e3:.1f} mm{f' and its rotation {turn:.0f}°' if turn else ''} off, "
+        f"{row.studentised:.0f} standard deviations"
+        for name, row, turn in zip(names, left_out, turned_deg, strict=True)
     )
-    more = f"; and {len(left_out) - MAX_NAMED_ROWS} more" if len(left_out) > MAX_NAMED_ROWS else ""
+    named = listed(every, MAX_NAMED_ROWS, "; ")
     return (
-        f"{len(left_out)} of {seen} rows cannot be right beside all others and were left out: {named}{more}. Measure them again; "
+        f"{len(left_out)} of {seen} rows cannot be right beside all others and were left out: {named}. Measure them again; "
         "or, if they are right, more like them, and fit all rows with gross_errors='keep' (--gross-errors keep)"
     )
 
@@ -314,54 +297,72 @@ def hold_scale(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Fi
 
 def scale_is_unobservable(campaign: Campaign) -> bool:
     """Whether a smaller robot leaves smaller residuals of all that was measured."""
-    return bool(campaign.observations) and all(kind.shrinks for kind in campaign.observations)
+    return all(kind.shrinks for kind in campaign.observed)
 
-
-CALCULATED = 1.5e-5
-"""Residual of fitted points, metres rms, below which no instrument measured them: a tracker alone is uncertain by as much, and
-robots repeat to some 20 µm."""
-
-WIDE_SCALE = 5.0
-"""Prior scale beyond which a look at the robot file is advised. A convention: five times the tolerances on average are no
-scatter of one robot."""
 
 CONTRADICTING = 3.0
 """Standard deviations of what the tolerances make of the tool's position, beyond which an unexplained error is the rows' and not
 the robot's: 3σ, as for a single gross error."""
 
-JUDGED_ROWS = 100
-"""Rows, at most, evenly among all, at which that is found. A convention that bounds the time."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Attempt:
-    """A calibration, or that of tracker frame and targets alone where the robot's parameters cannot be estimated."""
+    """A calibration, or that of tracker frame and targets alone where the robot's parameters cannot be estimated.
+
+    How its covariance grows beyond the measured range is not judged yet: that takes as long as the fit, and who asks for
+    predictions or sizes alone does not need it.
+    """
 
     calibration: Calibration
+    """Of no growth."""
+    campaign: Campaign
+    """The measurements, rows that were left out among them."""
+    options: FitOptions
+    """As the fit took them."""
     refusal: FitError | None = None
     """Why the parameters cannot be estimated; None where they were."""
 
-    def checked(self) -> Calibration:
-        """The calibration, unless what it leaves is more than an error of the robot.
+    def checked(self) -> "Attempt":
+        """The same, unless what it leaves is more than an error of the robot.
 
         Raises:
             FitError: no parameter was estimated, and the rows are farther off than the robot's tolerances allow.
         """
-        if self.refusal is None:
-            return self.calibration
-        calibration, p = self.calibration, len(self.calibration.model)
-        q = calibration.q
-        some = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), JUDGED_ROWS)).astype(int))]
-        by_tolerance = calibration.tool_jacobian(some)[:, :3, :p] * calibration.model.tolerances
-        expected = float(np.sqrt((by_tolerance**2).sum(axis=2).mean()))
-        if calibration.model_error[0] > CONTRADICTING * expected:
+        calibration, refusal = self.calibration, self.refusal
+        if refusal is not None and calibration.model_error[0] > CONTRADICTING * error_by_tolerances(calibration):
+            raise refusal
+        return self
+
+    def learnt(self) -> "Attempt":
+        """The same, for what needs the parameters: tracker frame and targets alone do not serve.
+
+        Raises:
+            FitError: they cannot be estimated; as `NothingLearntError`, no parameter explains the rows.
+        """
+        if self.refusal is not None:
             raise self.refusal
-        return calibration
+        return self
+
+    @single_threaded
+    def with_growth(self) -> Calibration:
+        """The calibration with the growth of its covariance beyond the measured range, judged on the rows that it took."""
+        calibration, campaign = self.calibration, self.campaign
+        right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
+        growth = growth_of(calibration, problem_of(calibration.layout, right, self.options.noise), self.options)
+        return replace(calibration, range_growth=growth)
 
 
+@by_name(FitOptions)
 @checked
 @single_threaded
-def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
+def identify(
+    _kind: Callable[Named, FitOptions],
+    model: ErrorModel,
+    campaign: Campaign,
+    options: FitOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
+) -> Calibration:
     """Identify the model's parameters from a campaign, the tracker frame and the targets with them.
 
     The estimate minimises the whitened residuals with a Gaussian prior on every parameter. The prior distributes the
@@ -371,39 +372,7 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
     Args:
         model: the model.
         campaign: the measurements.
-        **options: those of `FitOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``keep``: names of the parameters to estimate; all by default. The others stay zero in the estimate. With the
-            tolerances as prior, theirs stay in its covariance: the true robot varies in them all the same (`considered`). A
-            prior that is given is taken for all that is believed.
-
-            ``prior``: ``"tolerances"`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's
-            damping holds undetermined directions, and the fit ends as soon as the objective falls by less than 10⁻⁶ of
-            itself or the Newton decrement is below 10⁻².
-
-            ``loss``: `Squared` (default), `Huber` or `Cauchy`.
-
-            ``noise``: the tracker's, where the campaign does not state uncertainties.
-
-            ``registration``: tracker frame and targets to start from, or to hold; found from the data by default.
-
-            ``frames``: ``"fit"`` refines tracker frame and targets with the parameters, ``"fixed"`` holds them as registered.
-
-            ``model_error``: standard deviation of what the model cannot explain, metres (and radians, for poses); or
-            ``"estimate"``.
-
-            ``prior_scale``: common factor of the prior's standard deviations; or ``"estimate"``.
-
-            ``outlier_level``: chance of naming any outlier where there is none.
-
-            ``gross_errors``: ``"leave out"`` rows that cannot be right beside all others, up to a tenth (`gross_errors`), or
-            ``"keep"`` them.
-
-            ``target_within``: how far from the TCP a target may be found, metres. Where the poses do not locate it, it is taken to
-            be at the TCP, uncertain by so much (1σ), and by 0.1 m at most.
-
-            ``like``: a calibration of a robot of the same make. Its prior scale and model error are expected of this robot, where
-            its rows are more probable so; a remark says what came of it.
+        options: of the fit.
 
     Returns:
         the calibration: estimate, covariance, residuals, and predictions with their uncertainty. Where no parameter explains the
@@ -412,29 +381,18 @@ def identify(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices
 
     Raises:
         CampaignError: too few rows, a row at which the nominal robot's closed loop does not close, joints and points that do
-            not belong together, a tracker frame whose rotation they leave open (one joint in motion, points near a line), lengths
-            without a prior where none was measured or stated, more wrong rows than can be told from right ones, a target too far
-            from the TCP, or a model that depends on temperature or time and a row without.
+            not belong together, rotations that do not fit though positions do, a tracker frame whose rotation they leave open (one
+            joint in motion, points near a line), lengths without a prior where none was measured or stated, more wrong rows
+            than can be told from right ones, a target too far from the TCP, or a model that depends on temperature or time and a
+            row without.
         UnknownName: a name in `keep` that the model does not have.
         FitError: the fit did not converge.
         NothingLearntError: it took everything that was measured for error, and more than the robot's tolerances allow.
         TaskcalError: ``like`` is of a robot with other joints or parameters, or its sizes are of another kind of fit.
         ValueError: an option that would silently mean something else.
     """
-    return attempt(model, campaign, FitOptions.of(**options)).checked()
-
-
-def identify_parameters(model: ErrorModel, campaign: Campaign, **options: Unpack[FitChoices]) -> Calibration:
-    """Identify as `identify` does, for what needs the parameters: tracker frame and targets alone do not serve.
-
-    Raises:
-        NothingLearntError: no parameter explains the rows.
-        TaskcalError: as `identify`.
-    """
-    found = attempt(model, campaign, FitOptions.of(**options))
-    if found.refusal is not None:
-        raise found.refusal
-    return found.calibration
+    chosen = chosen_options(_kind, options, *_args, **_named)
+    return with_checks(attempt(model, campaign, chosen).checked().with_growth(), campaign, chosen)
 
 
 @single_threaded
@@ -452,22 +410,23 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
     """
     options = options.without_exact(model)
     try:
-        return Attempt(calibration=_identify(model, campaign, options))
+        return _identify(model, campaign, options)
     except FitError as refusal:
         if options.prior is None:
             raise
         # the robot stays nominal, and varies by its tolerances all the same
         alone = replace(options, keep=(), prior_scale=1.0 if options.prior_scale == "estimate" else options.prior_scale)
         try:
-            calibration = _identify(model, campaign, replace(alone, prior="tolerances", like=None))
+            frames = _identify(model, campaign, replace(alone, prior="tolerances", like=None))
         except FitError:
             raise refusal from None
         what = str(refusal).partition(". ")[0] if isinstance(refusal, NothingLearntError) else str(refusal)
         remark = f"{what}. Only tracker frame and targets were fitted: the robot stays nominal"
-        return Attempt(calibration=replace(calibration, remarks=(remark, *calibration.remarks)), refusal=refusal)
+        calibration = replace(frames.calibration, remarks=(*frames.calibration.remarks, remark))
+        return replace(frames, calibration=calibration, refusal=refusal)
 
 
-def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Calibration:
+def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Attempt:
     """Identify a model.
 
     Raises:
@@ -497,11 +456,9 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Cali
     )
     _check_worth(fitted)
     calibration = with_unlocated(fitted.calibration, fitted.unlocated)
-    right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
-    growth = growth_of(calibration, problem_of(calibration.layout, right, chosen.noise), chosen)
     like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
     provenance = Provenance.of(model, campaign, chosen.described(model, campaign) | like)
-    return replace(calibration, range_growth=growth, provenance=provenance)
+    return Attempt(calibration=replace(calibration, provenance=provenance), campaign=campaign, options=chosen)
 
 
 def _fit(
@@ -552,8 +509,10 @@ def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, 
     """The registration that the data give.
 
     Raises:
-        CampaignError: joints and points do not belong together, or a target is found where none can be.
+        CampaignError: joints and points do not belong together, rotations do not though positions do, or a target is found where
+            none can be.
     """
+    refuse_wrong_rotations(model, campaign)
     check_plausible(registration, model, campaign)
     check_targets(registration, campaign, target_within)
     return registration
@@ -590,8 +549,8 @@ def _check_worth(fitted: FittedRows) -> None:
     if fitted.unlearnt is not None:
         raise NothingLearntError(
             f"no parameter is determined by these rows: none explains them, and {fitted.unlearnt * 1e3:.2f} mm per axis were "
-            "taken for error. Some rows contradict the others: look for them with a robust loss (loss=Cauchy(), --loss cauchy), "
-            "check joints and points, or compare with the nominal robot alone (keep=[], --keep none)"
+            "taken for error. Some rows contradict the others: "
+            f"check joints and points ({DOCTOR}), or compare with the nominal robot alone (keep=[], --keep none)"
         )
 
 
@@ -613,8 +572,8 @@ def _check_rotation(fit: Fitted, outcome: Outcome, campaign: Campaign, options: 
         k = len(fit.problem.layout.estimated)
         C = invert_positive((fit.solution.information + fit.prior.precision(fit.hyper.prior_factor))[k:, k:])
         k = len(layout.estimated)
-    for station in range(1 if layout.stations is None else len(layout.stations.names)):
-        columns = layout.frame_columns(station)[3:] - k
+    for base in layout.bases:
+        columns = base.columns[3:] - k
         turn = float(np.sqrt(np.linalg.eigvalsh(C[np.ix_(columns, columns)]).max(initial=0.0)))
         if turn > OPEN_ROTATION:
             raise OpenFrameError(
@@ -663,30 +622,18 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
         iterations=fit.solution.iterations,
         rounds=fit.rounds,
         reason=fit.solution.reason,
-        remarks=(*_remarks(fit, outcome, campaign, has_prior), *remark_on(outcome.help)),
+        remarks=(*_remarks(fit, outcome, campaign), *remark_on(outcome.help)),
         provenance=Provenance.of(
             layout.model, campaign, described_with(outcome.help, options.described(layout.model, campaign))
         ),
     )
 
 
-def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool) -> tuple[str, ...]:
+def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign) -> tuple[str, ...]:
     """List what is unusual about a fit, in words."""
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)
-    scale = outcome.hyper.prior_scale
-    if has_prior and len(outcome.estimated) and scale > WIDE_SCALE:
-        out.append(
-            f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
-            "positions and the lengths in the robot file, or state wider tolerances"
-        )
-    rms = float(np.sqrt(np.nanmean(np.sum(fit.residual[..., :3] ** 2, axis=-1))))
-    if not campaign.observations and rms < CALCULATED and is_in_base(layout.registration):
-        out.append(
-            f"the points fit to {rms * 1e3:.1g} mm rms in a frame that is the robot's own base: so do positions that a "
-            "controller or a simulation calculates, and measured ones do not"
-        )
-    if campaign.observations and not any(kind.tells_scale for kind in campaign.observations):
+    if not any(kind.tells_scale for kind in campaign.observed):
         held = " within its tolerances as they are stated" if scale_is_unobservable(campaign) else ""
         out.append(
             f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
@@ -695,7 +642,8 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign, has_prior: bool)
     measured = fit.problem.measured_numbers
     if measured < 2 * unknowns:
         out.append(
-            f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little; hold rows out"
+            f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little, those of held-out rows "
+            "more"
         )
     if fit.rounds > MAX_ROUNDS:
         out.append("model error and prior scale had not settled when the search for them ended")

@@ -6,6 +6,7 @@ at the tool. A kind says how its numbers follow the target's twist; how the targ
 here, once for all kinds.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,6 +22,42 @@ from taskcal.kernels.walk import Columns
 from taskcal.observations import Observation, Point, Pose, block_size
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
+
+BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
+"""Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Block:
+    """Unknown numbers of one thing beside the robot: a tracker's frame, a target's place, or what a kind's rows refer to.
+
+    What is held where it was registered has a start and no columns.
+    """
+
+    names: tuple[str, ...]
+    """Of its entries in z."""
+    columns: Int[np.ndarray, " k"]
+    """These entries; none where it is held."""
+    start: Float[np.ndarray, " numbers"]
+    """Its numbers as registered, metres and radians."""
+    deviations: Float[np.ndarray, " k"]
+    """Prior standard deviations of the entries about that."""
+
+    @property
+    def held(self) -> bool:
+        """Whether nothing of it is estimated."""
+        return not len(self.columns)
+
+    def of(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " numbers"]:
+        """Its numbers in an estimate."""
+        return self.start if self.held else z[self.columns]
+
+    def add(
+        self, derivative: Float[np.ndarray, "n w k"], to: Float[np.ndarray, "n m z"], rows: Int[np.ndarray, "w 1"]
+    ) -> None:
+        """Add a derivative by its numbers, or by the first of them, to some rows of one by all entries of z."""
+        columns = self.columns[: derivative.shape[2]]
+        to[:, rows, columns] += derivative[:, :, : len(columns)]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,17 +85,49 @@ class Layout:
     """Whose rows are looked at."""
 
     @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """Unknowns beside the parameters, in the order of z: the tracker's frame, places, the kinds' own, further stations."""
+        labels = ["target" if name == "tool" else name for name in self.targets]
+        registered = self.registration.unknowns or [np.zeros(len(kind.unknowns)) for kind in self.kinds]
+        further = () if self.stations is None else self.stations.names[1:]
+
+        def frame(name: str) -> tuple[Sequence[str], np.ndarray, np.ndarray]:
+            return [f"{name}.{c}" for c in COMPONENTS], np.zeros(6), np.full(6, BASE_PRIOR)
+
+        stated = [frame("base")]
+        for name, kind, T in zip(labels, self.kinds, self.registration.T_tool_target, strict=True):
+            start = np.zeros(6) if kind.turned else T[:3, 3]
+            names = [f"{name}.{c}" for c in COMPONENTS[: len(start)]]
+            stated.append((names, start, np.full(len(start), TARGET_PRIOR)))
+        stated += [(kind.unknowns, own, kind.deviations) for kind, own in zip(self.kinds, registered, strict=True)]
+        stated += [frame(f"station {name}") for name in further]
+        blocks, first = list[Block](), len(self.estimated)
+        for k, (names, start, deviations) in enumerate(stated):
+            size = 0 if self.fixed_frames or (k == 0 and not self.in_tracker) else len(names)
+            columns = np.arange(first, first + size)
+            blocks.append(Block(names=(*names[:size],), columns=columns, start=start, deviations=deviations[:size]))
+            first += size
+        return tuple(blocks)
+
+    @property
+    def bases(self) -> tuple[Block, ...]:
+        """The frame of the tracker at each of its stations; held where there is no tracker."""
+        return self.blocks[0], *self.blocks[1 + 2 * len(self.kinds) :]
+
+    @property
+    def places(self) -> tuple[Block, ...]:
+        """Each target's place on the tool."""
+        return self.blocks[1 : 1 + len(self.kinds)]
+
+    @property
+    def own(self) -> tuple[Block, ...]:
+        """Each kind's own unknowns."""
+        return self.blocks[1 + len(self.kinds) : 1 + 2 * len(self.kinds)]
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the entries of z."""
-        estimated = tuple(self.model.names[i] for i in self.estimated)
-        if self.fixed_frames:
-            return estimated
-        base = tuple(f"base.{c}" for c in COMPONENTS) if self.in_tracker else ()
-        labels = ["target" if name == "tool" else name for name in self.targets]
-        places = (f"{name}.{c}" for name, kind in zip(labels, self.kinds, strict=True) for c in _components(kind))
-        moved = () if self.stations is None else self.stations.names[1:]
-        further = (f"station {name}.{c}" for name in moved for c in COMPONENTS)
-        return (*estimated, *base, *places, *(name for kind in self.kinds for name in kind.unknowns), *further)
+        return *(self.model.names[i] for i in self.estimated), *(name for block in self.blocks for name in block.names)
 
     @cached_property
     def in_tracker(self) -> bool:
@@ -81,39 +150,17 @@ class Layout:
         return tuple(map(type, self.kinds))
 
     @property
-    def base_size(self) -> int:
-        """Columns of the tracker's frame; none without a tracker."""
-        return 6 if self.in_tracker else 0
-
-    def frame_columns(self, station: int) -> Int[np.ndarray, " _"]:
-        """Columns of the tracker's frame at one of its stations; none without a tracker, or where frames are held."""
-        if self.fixed_frames or not self.in_tracker:
-            return np.arange(0)
-        further = 0 if self.stations is None else len(self.stations.names) - station
-        return (len(self.names) - 6 * further if station else len(self.estimated)) + np.arange(6)
-
-    @property
     def block_size(self) -> int:
         """Numbers of a target's block: three of position, and three of rotation where any were measured."""
         return block_size(self.kinds)
 
     @cached_property
-    def places(self) -> tuple[Int[np.ndarray, " _"], ...]:
-        """Columns of each target's place on the tool."""
-        return _columns_from(len(self.estimated) + self.base_size, [len(_components(kind)) for kind in self.kinds])
-
-    @cached_property
-    def own(self) -> tuple[Int[np.ndarray, " _"], ...]:
-        """Columns of each kind's own unknowns."""
-        first = len(self.estimated) + self.base_size + sum(len(place) for place in self.places)
-        return _columns_from(first, [len(kind.unknowns) for kind in self.kinds])
-
-    @cached_property
     def point_columns(self) -> Int[np.ndarray, "targets 3"]:
         """Columns of each target's offset in the tool frame; −1 where it is held, or has an error frame of its own."""
-        held = np.full(3, -1)
-        columns = [held if kind.turned else place for kind, place in zip(self.kinds, self.places, strict=True)]
-        return np.full((len(self.targets), 3), -1) if self.fixed_frames else np.stack(columns)
+        free = [len(place.columns) == 3 for place in self.places]
+        return np.stack(
+            [place.columns if own else np.full(3, -1) for place, own in zip(self.places, free, strict=True)]
+        )
 
     @cached_property
     def chain(self) -> Chain:
@@ -131,26 +178,17 @@ class Layout:
     def columns(self) -> Columns:
         """Columns of z in the walk."""
         inner = self.model.layout(self.parameter_columns, count=len(self.names))
-        own = self.frame_columns(self.station)
-        base = own if len(own) else np.full(6, -1)
+        own = self.bases[self.station]
+        base = np.full(6, -1) if own.held else own.columns
         return Columns(
             frames=np.array([base, *inner.frames]), joint=inner.joint, column=inner.column, count=inner.count
         )
 
     def start(self) -> Float[np.ndarray, " z"]:
         """The registered nominal robot."""
-        z = np.zeros(len(self.names))
-        if not self.fixed_frames:
-            for t, (kind, place, own) in enumerate(zip(self.kinds, self.places, self.own, strict=True)):
-                if not kind.turned:
-                    z[place] = self.registration.T_tool_target[t, :3, 3]
-                z[own] = self._registered[t]
-        return z
-
-    @property
-    def _registered(self) -> tuple[Float[np.ndarray, " _"], ...]:
-        """Each kind's own unknowns as registered."""
-        return self.registration.unknowns or tuple(np.zeros(len(kind.unknowns)) for kind in self.kinds)
+        return np.concatenate(
+            [np.zeros(len(self.estimated)), *(block.start for block in self.blocks if not block.held)]
+        )
 
     def parameters(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, " p"]:
         """Model parameters of an estimate."""
@@ -167,28 +205,20 @@ class Layout:
 
     def with_frames(self, s: np.ndarray, factor: np.ndarray, e: np.ndarray, z: np.ndarray) -> Walked:
         """The model's walk with the measuring frame of an estimate before it, and its targets at the end."""
-        base = self.frame_columns(self.station)
-        base = z[base] if len(base) else np.zeros(6)
-        offsets = self.registration.T_tool_target[:, :3, 3].copy()
+        base, offsets = self.bases[self.station].of(z), self.registration.T_tool_target[:, :3, 3].copy()
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
-            if not self.fixed_frames:
-                R = self.registration.T_tool_target[t, :3, :3]
-                offsets[t] = offsets[t] + R @ z[place[:3]] if kind.turned else z[place]
+            R, own = self.registration.T_tool_target[t, :3, :3], place.of(z)
+            offsets[t] = offsets[t] + R @ own[:3] if kind.turned else own
         points = Points(offsets, self.point_columns)
         return Walked(self.chain, s, np.concatenate([base[None], e]), self.columns, factor, points)
 
     def frames(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "targets 4 4"]]:
         """Measuring frame to base, and tool to every target, as estimated."""
         base, targets = self.registration.T_tracker_base, self.registration.T_tool_target.copy()
-        if self.fixed_frames:
-            return base, targets
-        if self.in_tracker:
-            base = base @ se3.error_transform(z[self.frame_columns(self.station)])
+        base = base @ se3.error_transform(self.bases[self.station].of(z))
         for t, (kind, place) in enumerate(zip(self.kinds, self.places, strict=True)):
-            if kind.turned:
-                targets[t] = targets[t] @ se3.error_transform(z[place])
-            else:
-                targets[t] = se3.pose(np.eye(3), z[place])
+            own = place.of(z)
+            targets[t] = targets[t] @ se3.error_transform(own) if kind.turned else se3.pose(np.eye(3), own)
         return base, targets
 
     def station_frames(self, z: Float[np.ndarray, " z"]) -> Float[np.ndarray, "stations 4 4"]:
@@ -200,15 +230,7 @@ class Layout:
 
     def unknowns(self, z: Float[np.ndarray, " z"]) -> tuple[Float[np.ndarray, " _"], ...]:
         """Each kind's own."""
-        return self._registered if self.fixed_frames else tuple(z[own] for own in self.own)
-
-
-def _columns_from(first: int, sizes: list[int]) -> tuple[Int[np.ndarray, " _"], ...]:
-    return tuple(first + sum(sizes[:t]) + np.arange(size) for t, size in enumerate(sizes))
-
-
-def _components(kind: Observation) -> tuple[str, ...]:
-    return COMPONENTS if kind.turned else COMPONENTS[:3]
+        return tuple(own.of(z) for own in self.own)
 
 
 def layout_of(
@@ -243,9 +265,6 @@ def layout_of(
 
 
 # What is known before the fit: a prior over the estimated parameters, and next to nothing of tracker frame and targets.
-
-BASE_PRIOR, TARGET_PRIOR = 10.0, 1.0
-"""Standard deviations of tracker frame and targets about their registration, metres and radians: as good as none."""
 
 UNOBSERVABLE_PRIOR = 1e-6
 """The same along directions in which the poses do not locate the targets: there the fit holds them at the TCP."""
@@ -311,22 +330,25 @@ class PriorOfEstimate:
 def frame_precision(layout: Layout) -> Float[np.ndarray, "frames frames"]:
     """Prior precision of the frames: next to none, but along directions that the poses do not determine."""
     k = len(layout.estimated)
-    base, places = np.full(layout.base_size, BASE_PRIOR), np.full(sum(map(len, layout.places)), TARGET_PRIOR)
-    further = np.full(0 if layout.stations is None else 6 * (len(layout.stations.names) - 1), BASE_PRIOR)
-    out = np.diag(np.concatenate([base, places, *(kind.deviations for kind in layout.kinds), further]) ** -2.0)
+    out = np.diag(np.concatenate([block.deviations for block in layout.blocks]) ** -2.0)
     at, hidden = _unobservable(layout)
     out[np.ix_(at - k, at - k)] += hidden / UNOBSERVABLE_PRIOR**2
     return out
 
 
 def _unobservable(layout: Layout) -> tuple[Int[np.ndarray, " offsets"], Float[np.ndarray, "offsets offsets"]]:
-    """Columns of the targets' places, and the projector onto the directions of them that the poses do not determine."""
+    """Columns of the targets' places, and the projector onto the directions of them that the poses do not determine.
+
+    Of places that are held there are none.
+    """
     # the error frame of a target that is turned moves in its own axes
     axes = np.eye(3 * len(layout.kinds))
     for t, kind in enumerate(layout.kinds):
         if kind.turned:
             axes[3 * t : 3 * t + 3, 3 * t : 3 * t + 3] = layout.registration.T_tool_target[t, :3, :3]
-    return np.concatenate([place[:3] for place in layout.places]), axes.T @ layout.registration.unobservable @ axes
+    hidden = axes.T @ layout.registration.unobservable @ axes
+    free = np.repeat([not place.held for place in layout.places], 3)
+    return np.concatenate([place.columns[:3] for place in layout.places]), hidden[np.ix_(free, free)]
 
 
 def unlocated_directions(layout: Layout, target_within: float = TARGET_FROM_TCP) -> Float[np.ndarray, "z k"]:
@@ -336,8 +358,6 @@ def unlocated_directions(layout: Layout, target_within: float = TARGET_FROM_TCP)
         layout: of the estimate.
         target_within: how far from the TCP a target may be, metres; `TARGET_FROM_TCP` at most.
     """
-    if layout.fixed_frames:
-        return np.zeros((len(layout.names), 0))
     at, hidden = _unobservable(layout)
     values, vectors = np.linalg.eigh(hidden)
     own = vectors[:, values > 0.5]
@@ -373,7 +393,6 @@ def prior_of(
     Raises:
         ValueError: the prior that was given is not one over the estimated parameters.
     """
-    frames = np.zeros((0, 0)) if layout.fixed_frames else frame_precision(layout)
     sizes = layout.model.tolerances[layout.estimated]
     if isinstance(prior, GaussianPrior):
         if len(prior.mean) != len(layout.estimated):
@@ -384,7 +403,7 @@ def prior_of(
     return PriorOfEstimate(
         parameters=prior,
         sizes=sizes,
-        frames=frames,
+        frames=frame_precision(layout),
         start=layout.start(),
         unlocated=unlocated_directions(layout, target_within),
     )

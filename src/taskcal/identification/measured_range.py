@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import joints_checked
 from taskcal.errors import CampaignError
 from taskcal.identification.held_out import SAME_POSTURE_RAD
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 TURN = 2.0 * np.pi
 """A whole turn, radians."""
@@ -30,6 +32,7 @@ PROBED_ROWS = 16
 """Rows, evenly among all, at which a whole turn is tried. A convention: derivatives that differ do so at almost every row."""
 
 
+@joints_checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeasuredRange:
@@ -124,13 +127,13 @@ class MeasuredRange:
         side = "below" if beyond[j] < 0 else "above"
         return f"{self.joints[j]} lies {self._shown(j, abs(beyond[j]))} {side} what was measured ({self.describe(j)})"
 
-    def describe(self, j: int) -> str:
+    def describe(self, j: int) -> Said:
         """The range of joint number j in words: ``−12.0° to 3.5°``."""
         return self.interval(j, self.low[j], self.high[j])
 
-    def interval(self, j: int, low: float, high: float) -> str:
+    def interval(self, j: int, low: float, high: float) -> Said:
         """An interval of joint number j, radians or metres, in words."""
-        return f"{self._shown(j, low)} to {self._shown(j, high)}"
+        return Said("{low} to {high}", low=self._shown(j, low), high=self._shown(j, high))
 
     def warning(self, q: Float[np.ndarray, "n joints"], names: Sequence[str], what: str = "poses") -> str:
         """Say how many poses lie outside, which one the farthest, and what to do; empty if all lie inside.
@@ -176,9 +179,10 @@ class MeasuredRange:
     def _units(self) -> list[tuple[str, float]]:
         return [("mm", 1e3) if slides else ("deg", 180.0 / np.pi) for slides in self.prismatic]
 
-    def _shown(self, j: int, value: float) -> str:
+    def _shown(self, j: int, value: float) -> Said:
         unit, factor = self._units[j]
-        return f"{_one_decimal(value * factor)}{'°' if unit == 'deg' else ' mm'}"
+        said = _one_decimal(value * factor)
+        return Said("{said}°", said=said) if unit == "deg" else Said("{said} mm", said=said)
 
 
 def name_rows(rows: Iterable[int], ids: Iterable[str]) -> list[str]:
@@ -190,12 +194,12 @@ def describe_outside(entry: Mapping[str, Any]) -> str:
     """An entry of `MeasuredRange.farthest` in a cell of a table, as in ``J2 −11.0°``; empty inside."""
     for unit, shown in (("deg", "°"), ("mm", " mm")):
         if amount := entry.get(f"outside_{unit}"):
-            return f"{entry['outside_joint']} {_one_decimal(amount)}{shown}"
+            return Said("{joint} {amount}{unit}", joint=entry["outside_joint"], amount=_one_decimal(amount), unit=shown)
     return ""
 
 
-def _one_decimal(value: float) -> str:
-    return f"{value:z.1f}".replace("-", "−")
+def _one_decimal(value: float) -> Said:
+    return Said("−{size:.1f}" if f"{value:z.1f}".startswith("-") else "{size:.1f}", size=abs(float(value)))
 
 
 def _same_after_turn(

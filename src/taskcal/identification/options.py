@@ -1,66 +1,32 @@
-"""How a fit is made: one frozen value that is handed on."""
+"""How a fit is made, what is held out of it, and what is added to the geometry: frozen values, each option declared once."""
 
 import json
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal, TypedDict, Unpack
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
+from taskcal.arguments import checked
+from taskcal.errors import TaskcalError
+from taskcal.registration.options import TARGET_WITHIN, TargetWithin
+from taskcal.short_repr import short_repr
+from taskcal_groundwork.options import Option, OptionError, Seed, Written, check, options_of, split
 
-from taskcal.arguments import checked, options_of
-from taskcal.campaigns.campaign import Campaign
-from taskcal.estimation.prior import GaussianPrior, Loss, Squared
-from taskcal.identification.calibration import Calibration
-from taskcal.observations.base import TrackerNoise
-from taskcal.registration.plausibility import TARGET_WITHIN
-from taskcal.registration.registration import Registration
-from taskcal.robot.error_model import ErrorModel
+if TYPE_CHECKING:
+    import taskcal
+    from taskcal.campaigns.campaign import Campaign
+    from taskcal.robot.effects import Effect
+    from taskcal.robot.error_model import ErrorModel
+
+MIN_SCALE, MAX_SCALE = 1e-6, 1e6
+"""Factors of the tolerances beyond which a prior holds a parameter at zero, or not at all, and its square leaves the range of
+numbers."""
 
 Estimate = Literal["estimate"]
-Prior = GaussianPrior | Literal["tolerances"] | None
 Frames = Literal["fit", "fixed"]
-
-EXACT = 2e-9
-"""Tolerance, metres or radians, up to which a parameter is taken for exact: those of a wrist whose pose is given have 1 nm."""
-
 GrossErrors = Literal["leave out", "keep"]
-
-LARGEST_MODEL_ERROR = 1.0
-"""Metres (and radians, for poses): more is no calibration's concern."""
-
-LARGEST_TARGET_WITHIN = 100.0
-"""Metres from the TCP: no robot carries a tool that is longer."""
-
-SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE = 1e-6, 1e6
-"""Beyond, the prior holds a parameter at zero, or not at all, and its square leaves the range of numbers."""
-
-
-def check_target_within(metres: float) -> None:
-    """Check a limit of targets' distances from the TCP.
-
-    Raises:
-        ValueError: no limit that a robot can have.
-    """
-    if not _within(metres, 0.0, LARGEST_TARGET_WITHIN):
-        raise ValueError(f"target_within is {metres!r}; give metres from 0 to {LARGEST_TARGET_WITHIN:g}")
-
-
-class FitChoices(TypedDict, total=False):
-    """`FitOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "FitOptions | None"
-    keep: Iterable[str] | None
-    prior: Prior
-    loss: Loss | None
-    noise: TrackerNoise | None
-    registration: Registration | None
-    frames: Frames
-    model_error: float | tuple[float, float] | Estimate
-    prior_scale: float | Estimate
-    outlier_level: float
-    gross_errors: GrossErrors
-    target_within: float
-    like: Calibration | None
+Grouping = Literal["neighbours", "blocks", "rows"]
+"""What is held out together: neighbouring poses, rows that follow each other, or nothing but the row itself."""
 
 
 @checked
@@ -69,88 +35,128 @@ class FitOptions:
     """Options of a fit; `dataclasses.replace` gives others.
 
     Raises:
-        ValueError: a value that would silently mean something else, or that no campaign can have.
+        WrongValue: a value that would silently mean something else, or that no campaign can have.
     """
 
-    keep: tuple[str, ...] | None = None
-    """Names of the parameters to estimate; None for all."""
-    prior: Prior = "tolerances"
-    """``tolerances`` for the robot's own; a prior over the kept parameters; or None."""
-    loss: Loss = field(default_factory=Squared)
-    """How much a large residual counts."""
-    noise: TrackerNoise | None = None
-    """The tracker's, where the campaign does not state uncertainties; None for the default."""
-    registration: Registration | None = None
-    """Tracker frame and targets to start from, or to hold; None to find them from the data."""
-    frames: Frames = "fit"
+    keep: Annotated[
+        tuple[str, ...] | None,
+        Option(
+            metavar="NAME,…",
+            help="Parameters to fit: names, symbols or frames (J2, tool); 'published', or 'none' for the frames alone.",
+            kind=str,
+            several=",",
+            suggested=("published", "none"),
+        ),
+    ] = None
+    """None for all. The others stay zero in the estimate. With the tolerances as prior, theirs stay in its covariance: the true
+    robot varies in them all the same (`considered`). A prior that is given is taken for all that is believed."""
+    prior: Annotated[
+        "taskcal.GaussianPrior | Literal['tolerances'] | None",
+        Option(help="Prior of the parameters.", kind=Literal["tolerances", "none"], words={"none": None}),
+    ] = "tolerances"
+    """``tolerances`` for the robot's own; a prior over the kept parameters; or None, when only Levenberg's damping holds
+    undetermined directions, and the fit ends as soon as the objective falls by less than 10⁻⁶ of itself or the Newton decrement is
+    below 10⁻²."""
+    frames: Annotated[Frames, Option(help="Fit tracker frame and targets, or hold them as registered.")] = "fit"
     """``fit`` refines tracker frame and targets with the parameters, ``fixed`` holds them as registered."""
-    model_error: float | tuple[float, float] | Estimate = "estimate"
+    registration: Annotated[
+        "taskcal.registration.Registration | None",
+        Option(
+            metavar="poses|circles|REG.json",
+            help="Start values of tracker frame and targets: all poses, axis circles, or a file of taskcal register.",
+            kind=Path,
+            words={"poses": None, "circles": "circles"},
+            suggested=("poses", "circles"),
+        ),
+    ] = None
+    """Tracker frame and targets to start from, or to hold; None to find them from the data."""
+    model_error: Annotated[
+        float | tuple[float, float] | Estimate,
+        Option(
+            metavar="MM",
+            help="Model error, 1σ per axis; estimated by default.",
+            kind=float,
+            unit="mm",
+            low=0.0,
+            high=1e3,
+        ),
+    ] = "estimate"
     """Standard deviation of what the model cannot explain, metres (and radians, for poses); or estimated."""
-    prior_scale: float | Estimate = "estimate"
-    """Common factor of the prior's standard deviations; or estimated."""
-    outlier_level: float = 0.01
-    """Chance of naming any outlier where there is none."""
-    gross_errors: GrossErrors = "leave out"
-    """``leave out`` rows that cannot be right beside all others, up to a tenth of them, or ``keep`` them."""
-    target_within: float = TARGET_WITHIN
-    """How far from the TCP a target may be found, metres; where the poses do not locate it, its uncertainty (1σ), 0.1 at most."""
-    like: Calibration | None = None
-    """Calibration of a robot of the same make, whose sizes of groups and errors of poses are expected of this one; None to expect
-    what is expected of any robot."""
+    gross_errors: Annotated[
+        GrossErrors, Option(help="Reject gross errors (at most 10 % of the rows) and list them, or keep them.")
+    ] = "leave out"
+    """``leave out`` rows that cannot be right beside all others (`gross_errors`), or ``keep`` them."""
+    target_within: TargetWithin = TARGET_WITHIN
+    """How far from the TCP a target may be found, metres. Where the poses do not locate it, it is taken to be at the TCP, uncertain
+    by so much (1σ), and by 0.1 m at most."""
+    prior_scale: Annotated[
+        float | Estimate,
+        Option(
+            metavar="FACTOR",
+            help="Factor of the tolerances; estimated by default.",
+            kind=float,
+            low=MIN_SCALE,
+            high=MAX_SCALE,
+        ),
+    ] = "estimate"
+    like: Annotated[
+        "taskcal.Calibration | None",
+        Option(
+            metavar="OTHER.json",
+            help="Calibration of a robot of the same make: its sizes and model error are expected of this one, unless this robot's "
+            "rows contradict them.",
+            kind=Path,
+        ),
+    ] = None
+    """A remark of the calibration says what came of it."""
+    noise: Annotated[
+        "taskcal.TrackerNoise | None",
+        Option(
+            metavar="FACTOR",
+            help="Tracker 1σ per maximum permissible error; 0.5 by default, 0.577 if rectangular.",
+            named="mpe-to-sigma",
+            kind=float,
+            low=1e-3,
+            high=1e3,
+        ),
+    ] = None
+    """The tracker's, where the campaign does not state uncertainties; None for the default."""
+    outlier_level: Annotated[
+        float,
+        Option(help="Chance of naming any outlier where there is none.", low=0.0, high=1.0, ends=False, alone=True),
+    ] = 0.01
 
     def __post_init__(self) -> None:
-        check_target_within(self.target_within)
-        errors = self.model_error if isinstance(self.model_error, tuple) else (self.model_error,)
-        if self.model_error != "estimate" and not all(_within(e, 0.0, LARGEST_MODEL_ERROR) for e in errors):
-            raise ValueError(
-                f"model_error is {self.model_error!r}; give 'estimate', or metres from 0 to {LARGEST_MODEL_ERROR:g}"
-            )
-        if self.prior_scale != "estimate" and not _within(self.prior_scale, SMALLEST_PRIOR_SCALE, LARGEST_PRIOR_SCALE):
-            raise ValueError(
-                f"prior_scale is {self.prior_scale!r}; give 'estimate', or a factor from {SMALLEST_PRIOR_SCALE:g} to "
-                f"{LARGEST_PRIOR_SCALE:g}"
-            )
-        if self.like is not None and self.prior is None:
-            raise ValueError("like needs a prior, whose size it tells; keep the prior, or leave out like")
-        if not (_within(self.outlier_level, 0.0, 1.0) and 0.0 < self.outlier_level < 1.0):
-            raise ValueError(f"outlier_level is {self.outlier_level!r}; give a chance between 0 and 1, such as 0.01")
-
-    @classmethod
-    def of(cls, **choices: Unpack[FitChoices]) -> "FitOptions":
-        """Options by keywords, those not named as in ``options``, or as by default.
-
-        Raises:
-            TypeError: an option that does not exist; the message names all.
-        """
-        if "loss" in choices and choices["loss"] is None:
-            choices["loss"] = Squared()
-        return options_of(cls, choices, "a fit")
+        check(FitOptions, self)
+        if self.prior is None and self.prior_scale != "estimate":
+            raise OptionError("without a prior there is nothing to scale", "prior_scale", "prior")
+        if self.prior is None and self.like is not None:
+            raise OptionError("a sibling tells the size of the prior; keep the prior, or omit {like}", "like", "prior")
 
     def keeping(self, names: Iterable[str]) -> "FitOptions":
         """The options, with these parameters estimated too where not all are."""
         return self if self.keep is None else replace(self, keep=(*self.keep, *names))
 
-    def without_exact(self, model: ErrorModel) -> "FitOptions":
+    def without_exact(self, model: "ErrorModel") -> "FitOptions":
         """The options without the parameters whose tolerance says that they are exact, unless parameters are named."""
-        free = model.tolerances > EXACT
-        return (
-            self
-            if self.keep is not None or free.all()
-            else replace(self, keep=tuple(np.array(model.names)[free].tolist()))
-        )
+        from taskcal.robot.error_model import EXACT
 
-    def described(self, model: ErrorModel, campaign: Campaign) -> dict[str, Any]:
+        free = model.tolerances > EXACT
+        if self.keep is not None or free.all():
+            return self
+        return replace(self, keep=tuple(name for name, is_free in zip(model.names, free, strict=True) if is_free))
+
+    def described(self, model: "ErrorModel", campaign: "Campaign") -> dict[str, Any]:
         """Describe the options for a model and a campaign, as a file can hold them."""
+        from taskcal.observations.base import TrackerNoise
+
         kept = range(len(model)) if self.keep is None else model.indices(self.keep)
-        loss = {"kind": type(self.loss).__name__.lower()}
-        model_error = list(self.model_error) if isinstance(self.model_error, tuple) else self.model_error
         description = {
             "keep": "all" if len(kept) == len(model) else [model.names[i] for i in kept],
-            "prior": "given" if isinstance(self.prior, GaussianPrior) else self.prior,
-            "loss": loss if isinstance(self.loss, Squared) else {**loss, **asdict(self.loss)},
+            "prior": self.prior if self.prior in (None, "tolerances") else "given",
             "noise": "stated" if campaign.uncertainty is not None else asdict(self.noise or TrackerNoise()),
             "frames": self.frames,
-            "model_error": model_error,
+            "model_error": self.model_error,
             "prior_scale": self.prior_scale,
             "outlier_level": self.outlier_level,
             "gross_errors": self.gross_errors,
@@ -161,6 +167,147 @@ class FitOptions:
         return json.loads(json.dumps(description))  # lists for tuples
 
 
-def _within(value: object, least: float, most: float) -> bool:
-    """Whether it is a number in these bounds; what is not a number (NaN) is not."""
-    return isinstance(value, int | float) and least <= value <= most
+@dataclass(frozen=True, kw_only=True)
+class GeometryOptions:
+    """Which parameters a model has, before any of them is kept."""
+
+    lengths_only: Annotated[
+        bool, Option(help="Fit only the nominal lengths of the robot file, such as d2 and RL4.")
+    ] = False
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class Holdout:
+    """What is held out: a share of the rows, once, or every row once, in folds; nothing by default.
+
+    Raises:
+        WrongValue: both a share and folds, or one of no meaning.
+    """
+
+    share: Annotated[
+        float | None,
+        Option(
+            metavar="SHARE",
+            help="Hold out about this share of the rows, and predict it.",
+            named="holdout",
+            shown="percent",
+            low=0.0,
+            high=1.0,
+            ends=False,
+        ),
+    ] = None
+    """The calibration is that of the other rows."""
+    folds: Annotated[
+        int | None,
+        Option(metavar="K", help="Hold out each of K parts in turn, and predict it; then fit all rows.", low=2),
+    ] = None
+    """The calibration is that of all rows."""
+    by: Annotated[
+        Grouping,
+        Option(
+            help="Hold out groups of neighbouring poses, blocks of consecutive rows, or single rows at random (optimistic for "
+            "clustered poses).",
+            named="holdout-by",
+        ),
+    ] = "neighbours"
+    seed: Seed = 0
+    """Of the choice of groups."""
+
+    def __post_init__(self) -> None:
+        check(Holdout, self)
+        if self.share is not None and self.folds is not None:
+            raise OptionError("use {share} or {folds}, not both", "share", "folds")
+        if self.share is None and self.folds is None and self.by != "neighbours":
+            raise OptionError("nothing is held out; give {share} or {folds} too", "by", "share", "folds")
+
+    @property
+    def asked(self) -> bool:
+        """Whether rows are to be held out."""
+        return self.share is not None or self.folds is not None
+
+    @property
+    def fits(self) -> int:
+        """Number of fits of the campaign."""
+        return 1 + (self.folds or 0)
+
+
+@checked
+@short_repr
+@dataclass(frozen=True, kw_only=True)
+class EffectSearch:
+    """What may be added to the geometry, and the criteria of acceptance."""
+
+    effects: Annotated[
+        "Sequence[taskcal.effects.Effect] | None",
+        Option(
+            metavar="auto|none|LIST",
+            help="Non-geometric effects: 'auto' estimates all of them with their variances; a list adds the named effects without "
+            "a significance test.",
+            kind=str,
+            words={"none": (), "auto": None},
+            suggested=("none", "auto"),
+        ),
+    ] = None
+    """Those to add without proof; None to try the candidates."""
+    candidates: Annotated[
+        "Sequence[taskcal.effects.Effect] | None",
+        Option(
+            help="Effects that compete; None for what every effect that is defined proposes for the robot.", alone=True
+        ),
+    ] = None
+    """As `Effect.candidates` has them."""
+    field: Annotated[bool, Option(help="Try a smooth function of all joints at each joint, which 'auto' includes.")] = (
+        False
+    )
+    """Let the smooth field of all joints (`JointField`) take part, too."""
+    folds: Annotated[int, Option(help="Parts of the cross-validation.", low=2, alone=True)] = 5
+    seed: Annotated[int, Option(help="Seed of these parts.", low=0, alone=True)] = 0
+
+    def __post_init__(self) -> None:
+        check(EffectSearch, self)
+
+
+# What was written of these groups.
+
+NO_EFFECTS: Mapping[str, Any] = {"effects": ()}
+"""That a search begins with where effects are asked for one by one."""
+
+
+def check_together(search: Written[EffectSearch], geometry: GeometryOptions, fitting: Written[FitOptions]) -> None:
+    """Check groups of a fit against one another.
+
+    Raises:
+        OptionError: two options contradict one another.
+    """
+    if search.effects is None and fitting.prior is None:
+        raise OptionError(
+            "'auto' weighs effects by their evidence, which needs a prior; list the effects, or keep the prior",
+            "effects",
+            "prior",
+        )
+    if geometry.lengths_only and fitting.keep == ("published",):
+        raise OptionError("{keep} published selects geometric errors, not lengths; omit one", "lengths_only", "keep")
+
+
+def read_effects(written: "str | Sequence[Effect] | None") -> "Sequence[Effect] | None":
+    """Effects as a text names them with commas, or as one of its words stands for them; None to try the candidates.
+
+    Raises:
+        OptionError: there is no such effect, or one is named twice.
+    """
+    if not isinstance(written, str):
+        return written
+    words = next(one.option.words for one in options_of(EffectSearch) if one.field == "effects")
+    return words[written] if written in words else tuple(map(_effect, split(written, "effects")))
+
+
+def _effect(name: str) -> "Effect":
+    if name in ("auto", "none"):
+        raise OptionError("'{name}' cannot be combined; give it without other effects", "effects", name=name)
+    from taskcal.robot.effects import parse_effect
+
+    try:
+        return parse_effect(name)
+    except TaskcalError as error:
+        raise OptionError("{error}; or auto, or none", "effects", error=str(error)) from error

@@ -15,19 +15,18 @@ from jaxtyping import Bool, Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError
 from taskcal.estimation.matrices import inverse_factors, single_threaded
+from taskcal.estimation.noisy_rows import PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.layout import Layout
 from taskcal.kernels import walk
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.points import (
     POSES,
-    SQUARED,
     SeenPoints,
     Walked,
     WhitenedEquations,
     normal_equations,
     propagate_points,
-    weigh,
 )
 from taskcal.observations import Differential, Measured, Observation, Point, Pose, block_size
 from taskcal.observations.base import TrackerNoise
@@ -83,6 +82,8 @@ class Linearisation:
     """Measured less predicted, metres (and radians)."""
     by_entry: Float[np.ndarray, "n m z"]
     """Derivative of what is predicted by the entries of z."""
+    by_tool: Float[np.ndarray, "n m 6"]
+    """The same by the tool's twist: vx vy vz wx wy wz at its origin."""
     by_joint: Float[np.ndarray, "n m joints"]
     """The same by the joints' true positions; of no joints where that was not asked for."""
 
@@ -97,6 +98,7 @@ class Linearisation:
             valid=self.valid[rows],
             residual=self.residual[rows],
             by_entry=self.by_entry[rows],
+            by_tool=self.by_tool[rows],
             by_joint=self.by_joint[rows],
         )
 
@@ -108,6 +110,10 @@ class Linearisation:
         axes = [np.broadcast_to(np.diag((kind == k).astype(float)), (n, m, m)) for k in range(m // targets // 3)]
         return axes + [c[:, :, None] * c[:, None, :] for c in np.moveaxis(self.by_joint, 2, 0)]
 
+    def covariance(self, errors: PoseNoise, noise: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n m m"]:
+        """Covariance of every pose, of the instrument's noise and of what single poses add; the identity where nothing was seen."""
+        return errors.covariance(noise, self.units_of_noise, self.seen)
+
     @cached_property
     def _blocks(self) -> tuple[Float[np.ndarray, "seen b"], Float[np.ndarray, "seen b z"]]:
         """Residual and derivative of every target that was seen at a pose."""
@@ -115,21 +121,13 @@ class Linearisation:
         b, z = self.residual.shape[1] // targets, self.by_entry.shape[2]
         return self.residual.reshape(n, targets, b)[self.valid], self.by_entry.reshape(n, targets, b, z)[self.valid]
 
-    def equations(
-        self, whitener: Float[np.ndarray, "n targets b b"], loss: int = SQUARED, threshold: float = 1.0
-    ) -> Equations:
+    def equations(self, whitener: Float[np.ndarray, "n targets b b"]) -> Equations:
         """Cost, gradient and information of the whitened residuals, as of `normal_equations`."""
         residual, by_entry = self._blocks
         W = whitener[self.valid]
-        white, A = (W @ residual[:, :, None])[:, :, 0], W @ by_entry
-        if loss == SQUARED:
-            cost = 0.5 * float(white.ravel() @ white.ravel())
-        else:
-            weight, twice = weigh(loss, threshold, (white**2).sum(axis=1), white.shape[1])
-            white, A = np.sqrt(weight)[:, None] * white, np.sqrt(weight)[:, None, None] * A
-            cost = 0.5 * float(twice.sum())
-        r, A = white.ravel(), A.reshape(white.size, by_entry.shape[2])
-        return cost, A.T @ r, A.T @ A
+        r = (W @ residual[:, :, None])[:, :, 0].ravel()
+        A = (W @ by_entry).reshape(r.size, by_entry.shape[2])
+        return 0.5 * float(r @ r), A.T @ r, A.T @ A
 
     def propagate(self, covariance: Float[np.ndarray, "z z"]) -> Propagated:
         """Residuals, and the covariance of what is predicted for one of the estimate."""
@@ -176,7 +174,7 @@ class Rows(NamedTuple):
     def _points(self) -> SeenPoints | None:
         """For the compiled walk; None where another kind was measured, or a target has an error frame."""
         streamed = all(kind.streamed for kind in self.seen.kinds)
-        turned = any(kind.turned for kind in self.layout.kinds) and not self.layout.fixed_frames
+        turned = any(len(place.columns) > 3 for place in self.layout.places)
         return SeenPoints(self.seen.position, self.seen.valid) if streamed and not turned else None
 
     def linearise(self, *, joints: bool = False) -> Linearisation:
@@ -186,49 +184,61 @@ class Rows(NamedTuple):
             joints: those by the joints' true positions, too.
         """
         layout, at, seen = self.layout, self.at, self.seen
-        T, (n, targets), b = walk.poses(at.chain, at.s, at.e), seen.valid.shape, block_size(seen.kinds)
-        residual, by_tool = np.zeros((n, targets, b)), np.zeros((n, targets, b, 6))
-        places, unknowns = layout.frames(self.z)[1], layout.unknowns(self.z)
-        found: list[Differential] = []
-        for t, (kind, place, unknown) in enumerate(zip(seen.kinds, places, unknowns, strict=True)):
-            one = kind.differentiate(T @ place, unknown, Measured(seen.position[:, t], seen.rotation))
-            residual[:, t, kind.block()], by_tool[:, t, kind.block()] = one.residual, _by_tool(one, T, place)
-            found.append(one)
+        T, found, by_tool = self._differentiate()
+        n, targets, b = by_tool.shape[:3]
+        residual = np.zeros((n, targets, b))
+        for t, (kind, one) in enumerate(zip(seen.kinds, found, strict=True)):
+            residual[:, t, kind.block()] = one.residual
         by_tool = by_tool.reshape(n, targets * b, 6)
         by_entry = by_tool @ walk.columns(at.chain, at.s, at.e, at.layout, at.factor, angular=True)
-        for t, one in enumerate(found if not layout.fixed_frames else ()):
+        for t, (one, place, own) in enumerate(zip(found, layout.places, layout.own, strict=True)):
             numbers = t * b + np.array(seen.kinds[t].block())[:, None]
-            by_entry[:, numbers, layout.places[t]] += self._by_place(t, one, T)
-            by_entry[:, numbers, layout.own[t][: one.by_unknown.shape[2]]] += one.by_unknown
+            place.add(self._by_place(t, one, T), by_entry, numbers)
+            own.add(one.by_unknown, by_entry, numbers)
         by_joint = np.zeros((n, targets * b, 0))
         if joints:
             by_joint = by_tool @ joint_columns(at)[:, :, : len(layout.model.robot.joints)]
         residual, hidden = residual.reshape(n, -1), ~np.repeat(seen.valid, b, axis=1)
-        for array in (residual, by_entry, by_joint):
+        for array in (residual, by_entry, by_tool, by_joint):
             array[hidden] = 0.0
-        return Linearisation(valid=seen.valid, residual=residual, by_entry=by_entry, by_joint=by_joint)
+        return Linearisation(valid=seen.valid, residual=residual, by_entry=by_entry, by_tool=by_tool, by_joint=by_joint)
+
+    def _differentiate(
+        self,
+    ) -> tuple[Float[np.ndarray, "n 4 4"], list[Differential], Float[np.ndarray, "n targets b 6"]]:
+        """Poses of the tool, what each kind is there, and its derivative by the tool's twist."""
+        at, seen = self.at, self.seen
+        T, (n, targets), b = walk.poses(at.chain, at.s, at.e), seen.valid.shape, block_size(seen.kinds)
+        by_tool = np.zeros((n, targets, b, 6))
+        places, unknowns = self.layout.frames(self.z)[1], self.layout.unknowns(self.z)
+        found: list[Differential] = []
+        for t, (kind, place, unknown) in enumerate(zip(seen.kinds, places, unknowns, strict=True)):
+            one = kind.differentiate(T @ place, unknown, Measured(seen.position[:, t], seen.rotation))
+            by_tool[:, t, kind.block()] = _by_tool(one, T, place)
+            found.append(one)
+        return T, found, by_tool
+
+    def by_tool(self) -> Float[np.ndarray, "n targets b 6"]:
+        """Derivative of what is predicted by the tool's twist: vx vy vz wx wy wz at its origin; zero where nothing was measured."""
+        return np.where(self.seen.valid[..., None, None], self._differentiate()[2], 0.0)
 
     def _by_place(self, t: int, one: Differential, T: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n w c"]:
         """Derivative by the target's place on the tool."""
         R, layout = T[:, :3, :3], self.layout
         if not layout.kinds[t].turned:
             return one.by_target[:, :, :3] @ R
-        e = self.z[layout.places[t]]
+        e = layout.places[t].of(self.z)
         R = R @ layout.registration.T_tool_target[t, :3, :3]
         about_x, about_y = se3.rotation("x", e[3])[:3, :3], se3.rotation("y", e[4])[:3, :3]
         axes = np.stack([np.eye(3)[0], about_x[:, 1], (about_x @ about_y)[:, 2]], axis=1)
         return np.concatenate([one.by_target[:, :, :3] @ R, one.by_target[:, :, 3:] @ (R @ axes)], axis=2)
 
-    def equations(
-        self, whitener: Float[np.ndarray, "n targets b b"], loss: int = SQUARED, threshold: float = 1.0
-    ) -> Equations:
+    def equations(self, whitener: Float[np.ndarray, "n targets b b"]) -> Equations:
         """Cost, gradient and information of the whitened residuals, without keeping derivatives."""
         points = self._points
         if points is not None:
-            return normal_equations(self.at, points, whitener, loss, threshold)
-        parts = in_chunks(
-            lambda rows: self._take(rows).linearise().equations(whitener[rows], loss, threshold), len(self.at.s), POSES
-        )
+            return normal_equations(self.at, points, whitener)
+        parts = in_chunks(lambda rows: self._take(rows).linearise().equations(whitener[rows]), len(self.at.s), POSES)
         cost, g, H = zip(*parts, strict=True)
         return sum(cost), np.sum(g, axis=0), np.sum(H, axis=0)
 
@@ -248,8 +258,7 @@ class Rows(NamedTuple):
         Args:
             variances: of the joints, rad² (m² where they slide); of none for those beyond.
         """
-        by_joint = self.linearise(joints=True).by_joint[:, :, : len(variances)]
-        moved = by_joint.reshape(*self.seen.valid.shape, -1, len(variances))
+        moved = self.by_tool() @ joint_columns(self.at)[:, None, :, : len(variances)]
         return (moved * variances) @ np.swapaxes(moved, 2, 3)
 
 
@@ -264,12 +273,10 @@ def _by_tool(
     )
 
 
-def joint_columns(
-    at: Walked, point: Float[np.ndarray, " 3"] | None = None, *, angular: bool = True
-) -> Float[np.ndarray, "n rows coordinates"]:
-    """Derivative of a point on the tool, its origin by default, by the coordinates of the chain."""
+def joint_columns(at: Walked) -> Float[np.ndarray, "n 6 coordinates"]:
+    """Derivative of the tool's pose, at its origin, by the coordinates of the chain."""
     columns = at.chain.joint_columns
-    return walk.columns(at.chain, at.s, at.e, columns, np.ones_like(at.s), angular=angular, point=point)
+    return walk.columns(at.chain, at.s, at.e, columns, np.ones_like(at.s), angular=True)
 
 
 class StatedRows(NamedTuple):
@@ -285,9 +292,9 @@ def stated_rows(layout: Layout, z: Float[np.ndarray, " z"], kinds: tuple[Observa
     parts = [StatedRows(np.zeros(0), np.zeros((0, len(z))))]
     for kind, unknown, own in zip(kinds, layout.unknowns(z), layout.own, strict=True):
         known = kind.stated(unknown)
-        if len(known.residual) and not layout.fixed_frames:
+        if len(known.residual) and not own.held:
             by_entry = np.zeros((len(known.residual), len(z)))
-            by_entry[:, own] = known.by_unknown
+            by_entry[:, own.columns] = known.by_unknown
             parts.append(StatedRows(known.residual / known.uncertainty, by_entry / known.uncertainty[:, None]))
     return StatedRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
@@ -311,10 +318,10 @@ class StationTies(NamedTuple):
         place = np.zeros(self.seen.shape)
         by_entry = np.zeros((*self.seen.shape, len(z)))
         for k in range(self.seen.shape[1]):
-            columns = layout.frame_columns(k)
-            T = se3.inverse(layout.registration.T_tracker_base @ se3.error_transform(z[columns]))
+            base = layout.bases[k]
+            T = se3.inverse(layout.registration.T_tracker_base @ se3.error_transform(base.of(z)))
             place[:, k] = np.where(there[:, k, None], se3.apply(T, np.nan_to_num(self.seen[:, k])), 0.0)
-            by_entry[:, k, :, columns] = -np.moveaxis(se3.by_twist(place[:, k]), 2, 0)
+            by_entry[:, k, :, base.columns] = -np.moveaxis(se3.by_twist(place[:, k]), 2, 0)
         root = np.sqrt(weight)[..., None]
         residual = root * (place - np.einsum("pk,pki->pi", share, place)[:, None])
         by_entry = root[..., None] * (by_entry - np.einsum("pk,pkiz->piz", share, by_entry)[:, None])
@@ -400,7 +407,7 @@ class Problem:
     def stated(self, z: Float[np.ndarray, " z"]) -> StatedRows:
         """Rows of what is known of the estimate beside the measurements of the targets."""
         known = stated_rows(self.layout, z, self.seen.kinds)
-        if self.ties is None or self.layout.fixed_frames:
+        if self.ties is None or self.layout.bases[0].held:
             return known
         return StatedRows(*map(np.concatenate, zip(known, self.ties.rows(self.layout, z), strict=True)))
 
@@ -413,7 +420,7 @@ class Problem:
         """Measurement noise and model error together: variance of position and, for poses, of rotation."""
         return self.noise + np.diag(np.repeat(variances, 3))
 
-    def equations(self, whitener: Float[np.ndarray, "n targets b b"], loss: int, threshold: float) -> WhitenedEquations:
+    def equations(self, whitener: Float[np.ndarray, "n targets b b"]) -> WhitenedEquations:
         """Cost, gradient and information as functions of z; the cost is infinite where a closed loop does not close.
 
         A step may lead there on the way to lengths that do close: the fit takes a shorter one then.
@@ -421,7 +428,7 @@ class Problem:
 
         def evaluate(z: np.ndarray) -> Equations:
             try:
-                parts = [part.rows(z).equations(whitener[rows], loss, threshold) for rows, part in self._parts]
+                parts = [part.rows(z).equations(whitener[rows]) for rows, part in self._parts]
                 cost, g, H = (sum(values[1:], values[0]) for values in zip(*parts, strict=True))
             except ClosureError:
                 return np.inf, np.zeros(len(z)), np.zeros((len(z), len(z)))
@@ -463,7 +470,7 @@ class Problem:
         self, z: Float[np.ndarray, " z"], whitener: Float[np.ndarray, "n targets b b"]
     ) -> Float[np.ndarray, "z z"]:
         """Information of the estimate, from the measurements and from what is stated."""
-        return self.equations(whitener, SQUARED, 1.0)(z)[2]
+        return self.equations(whitener)(z)[2]
 
 
 def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -> Problem:

@@ -19,17 +19,11 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, shortened
 from taskcal.estimation.group_variances import Groups
+from taskcal.estimation.noisy_rows import FLAT, MIN_VARIANCE, TYPICAL, NoisyFit, PoseNoise
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import (
-    FLAT,
     JOINT_WIDTH,
-    MIN_VARIANCE,
-    TYPICAL,
-    GroupFit,
     GroupModel,
-    PoseNoise,
-    log_evidence,
-    score,
 )
 from taskcal.identification.problem import Linearisation, Problem
 from taskcal.robot.error_model import ErrorModel
@@ -166,7 +160,7 @@ def expecting_errors(errors: PoseNoise, like: Calibration, at: Linearisation, pr
     told += [bool(like.joint_error)] * len(errors.joints)
     expected = np.full(len(told), TYPICAL**2)
     expected[told] = np.maximum(theirs, MIN_VARIANCE)
-    whole = np.einsum("nii->ni", errors.with_variances(expected).covariance(at, problem.noise))
+    whole = np.einsum("nii->ni", at.covariance(errors.with_variances(expected), problem.noise))
     shares = [
         np.where(at.seen, variance * np.einsum("nii->ni", part) / whole, 0.0).sum() / at.seen.sum()
         for variance, part in zip(expected, at.units_of_noise, strict=True)
@@ -180,7 +174,7 @@ def expecting_errors(errors: PoseNoise, like: Calibration, at: Linearisation, pr
     return replace(errors, expected=np.exp(location / both), width=1.0 / np.sqrt(both))
 
 
-def evidence_under(fitted: GroupFit, groups: Groups, errors: PoseNoise) -> float:
+def evidence_under(fitted: NoisyFit, groups: Groups, errors: PoseNoise) -> float:
     """Log marginal likelihood of a fit, sizes and what single poses add integrated out under these priors.
 
     By Laplace's approximation about what the fit found.
@@ -191,12 +185,12 @@ def evidence_under(fitted: GroupFit, groups: Groups, errors: PoseNoise) -> float
         errors: what is expected of the errors of single poses.
     """
     found = replace(fitted.found, equations=replace(fitted.found.equations, groups=groups))
-    log = log_evidence(replace(fitted, found=found))
+    log = replace(fitted, found=found).log_evidence
     if not errors.searched:
         return log
     off = np.log(fitted.errors.variances / errors.expected)
     prior = np.broadcast_to(np.square(1.0 / np.asarray(errors.width)), off.shape)
-    information = score(fitted)[0].information
+    information = fitted.noise_information
     narrowed = np.linalg.slogdet(information + np.diag(prior))[1] - np.log(prior).sum()
     return log - 0.5 * float(prior @ off**2) - 0.5 * float(narrowed)
 

@@ -15,6 +15,8 @@ COVERAGE_FACTOR = 2.0
 
 UNEXPLAINED = "what the model cannot explain, of a single pose"
 
+REACHED = "pose-to-pose errors of the joints, and what is not told of approach, last move or warmth"
+
 Evaluation = Literal["A", "B"]
 """A: from the residuals of this campaign; B: from what is known beforehand."""
 
@@ -58,12 +60,12 @@ def budget_at(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> Unc
     """
     fitted = _mean_square(calibration.predict_covariance(q, model_error=False))
     all_in_all = _mean_square(calibration.predict_covariance(q))
-    own_error = 3.0 * calibration.model_error[0] ** 2
+    own_error = 3.0 * calibration.model_error[0] ** 2 * float(calibration.growth_at(q).mean())
     rest = max(all_in_all - fitted - own_error, 0.0)
     parts: list[tuple[str, Evaluation, float]] = [
         ("parameters, tracker frame and target: posterior covariance", "A", fitted),
         (UNEXPLAINED, evaluation_of_model_error(calibration), own_error),
-        ("pose-to-pose errors of the joints", "A", rest),
+        (REACHED, "A", rest),
     ]
     return budget_of_parts(parts)
 
@@ -107,7 +109,7 @@ def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> s
     # What grows beyond the measured range is the error of what is predicted. Where the tool is beside the target does not grow, nor
     # where the base is: the one is in the tool's covariance in the base, the other in the target's in the tracker frame.
     growth = calibration.growth_at(q)
-    tool = np.trace(calibration.tool_covariance(q, frame="base")[:, :3, :3], axis1=1, axis2=2)
+    tool = np.trace(calibration.tool_covariance(q, frame="base", model_error=False)[:, :3, :3], axis1=1, axis2=2)
     target = np.trace(calibration.predict_covariance(q, model_error=False)[..., :3, :3], axis1=2, axis2=3).mean(axis=1)
     stated = float(np.sqrt((tool / growth + (1.0 - 1.0 / growth) * np.minimum(tool, target)).mean()))
     allowed = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean()))
@@ -131,7 +133,16 @@ def check_known(calibration: Calibration, q: Float[np.ndarray, "n joints"], what
     Raises:
         TaskcalError: it knows less than the robot's tolerances do.
     """
-    if why := why_unknown(calibration, q):
+    refuse_unknown(why_unknown(calibration, q), what)
+
+
+def refuse_unknown(why: str, what: str) -> None:
+    """Refuse what would be done where `why_unknown` says why not.
+
+    Raises:
+        TaskcalError: it does.
+    """
+    if why:
         raise TaskcalError(f"{what}: {why}, or accept that (--accept-uncertain; accept_uncertain=True)")
 
 

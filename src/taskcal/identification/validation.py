@@ -13,6 +13,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FitError
 from taskcal.estimation.least_squares import Stopping, fit
 from taskcal.estimation.matrices import invert_positive
+from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.calibration import (
     Calibration,
@@ -23,7 +24,7 @@ from taskcal.identification.calibration import (
     spread_of,
     unknowns_of,
 )
-from taskcal.identification.group_model import MIN_VARIANCE, PoseNoise, of_targets
+from taskcal.identification.group_model import of_targets
 from taskcal.identification.held_out import (
     FOLLOWED_BY_PLACE,
     Outlier,
@@ -38,7 +39,6 @@ from taskcal.identification.layout import errors_by_unlocated, frame_precision, 
 from taskcal.identification.measured_range import MeasuredRange, name_rows
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
-from taskcal.kernels.points import SQUARED
 from taskcal.observations import Compared
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.plausibility import check_plausible
@@ -186,8 +186,8 @@ def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.nd
     joints = np.zeros(len(calibration.model.robot.joints))
     joints[: len(calibration.joint_error)] = np.square(calibration.joint_error)
     errors = PoseNoise(position=float(position), rotation=float(rotation) if width == 6 else None, joints=joints)
-    blocks = of_targets(errors.covariance(problem.linearise(start), problem.noise), targets)
-    equations = problem.equations(whitener(blocks), SQUARED, 1.0)
+    blocks = of_targets(problem.linearise(start).covariance(errors, problem.noise), targets)
+    equations = problem.equations(whitener(blocks))
     precision = frame_precision(problem.layout)
     found = fit(
         equations, start, start, precision, np.full(len(start), 1e-3), Stopping() if problem.layout.tracked else SLOW
@@ -368,9 +368,7 @@ def examine(
         turned = in_regions(residual, stated, covariance, kinds, rotations=True)[rows, targets]
         if np.isfinite(turned).any():
             rotation_inside = turned[np.isfinite(turned)] == 1.0
-    one_number = np.array(
-        [kind.width == 1 and not kind.angles for kind in campaign.kinds] or [False] * len(campaign.targets)
-    )
+    one_number = np.array([kind.width == 1 and not kind.angles for kind in campaign.observed])
     return Examination(
         campaign=campaign,
         validation=validation,
@@ -422,9 +420,13 @@ def off_stored_residuals(calibration: Calibration, campaign: Campaign) -> float 
 GUARD = 1.645
 """Standard uncertainties in the guard band: one side of a normal distribution, 95 %."""
 
-Statistic = Literal["max", "p95", "rms", "mean"]
+Statistic = Literal["rms", "max", "p95", "mean"]
 
 STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
+
+RULE_OF: Statistic = "rms"
+"""Held against a limit unless another is asked for by name: that which a task's tolerance is of. A maximum grows with the number
+of points, and is that of one reading; of the poses of a task that were not measured none can be stated."""
 
 _VALUES: dict[str, Callable[[np.ndarray], float]] = {
     "max": lambda errors: float(errors.max()),
@@ -473,13 +475,13 @@ class Acceptance:
         }
 
 
-def accept(examination: Examination, limit: float, of: Statistic = "max") -> Acceptance:
+def accept(examination: Examination, limit: float, of: Statistic = RULE_OF) -> Acceptance:
     """Decide whether a calibration keeps a limit on the campaign that it was examined with.
 
     Args:
         examination: the points.
         limit: of the error in space, metres.
-        of: what is held against it: the largest error, the 95th percentile, the root mean square or the mean.
+        of: what is held against it: the root mean square, the largest error, the 95th percentile or the mean.
 
     Raises:
         ValueError: a limit that is not above zero, or another statistic.

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from robot_programs.core.files import MAX_FILE_MB as MAX_FILE_MB
-from robot_programs.core.files import VARIABLE as VARIABLE
-from robot_programs.core.files import open_ordinary as open_ordinary
-from robot_programs.core.files import read_bytes as read_bytes
 from taskcal.errors import FileError
+from taskcal_groundwork.files import MAX_FILE_MB as MAX_FILE_MB
+from taskcal_groundwork.files import VARIABLE as VARIABLE
+from taskcal_groundwork.files import open_ordinary as open_ordinary
+from taskcal_groundwork.files import read_bytes as read_bytes
 
 
 def read_text(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from taskcal.errors import FileError, advise, shown
+from taskcal.errors import FileError, advise, listed, shown
 from taskcal.io.text_file import read_text
 
 # Where a text is not TOML, and what to write there instead.
@@ -177,6 +177,9 @@ Finite = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_
 NotNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
 Stiffness = Annotated[float, Field(strict=True, ge=SMALLEST, le=STIFFEST, allow_inf_nan=False)]
+Ratio = Annotated[float, Field(strict=True, ge=0, le=1e300, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True, ge=0, le=10**9)]
+Flag = Annotated[bool, Field(strict=True)]
 HalfTurn = Annotated[float, Field(strict=True, ge=0, le=180, allow_inf_nan=False)]
 """An angle between directions, degrees."""
 
@@ -222,10 +225,12 @@ SHOWN = 3
 LARGEST_MB = 2.0
 """A robot, task, station or cell with a thousand joints, reflectors or touched points is smaller."""
 
-LONGEST_KEY = 100
-"""Parts of a dotted key; Taskcal's own have three."""
+LONGEST_KEY = 20
+"""Parts of a dotted key; Taskcal's own have three. The parser takes time and memory that grow with the square of the parts, and
+Python cannot free what it makes of 10⁵; of 20 parts the largest file takes 0.3 GB."""
 
-_BETWEEN_DOTS = re.compile(r"[,=\[\]{}\n]")
+_ENDS = re.compile(r"([,=\[\]{}\n#])")
+"""What a key stands between."""
 
 Schema = TypeVar("Schema", bound=Section)
 
@@ -236,12 +241,48 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     Raises:
         FileError: it is missing, no TOML, or not as the schema wants it; the message names the place and the value.
     """
-    text = read_text(path, LARGEST_MB, otherwise="is not TOML: it is not UTF-8 text")
-    if any(chunk.count(".") > LONGEST_KEY for chunk in _BETWEEN_DOTS.split(text)):
-        # the parser takes a time that grows with the square of the parts, and Python cannot free what it makes of 10⁵
+    data = toml_of(path)
+    try:
+        return schema.model_validate(data)
+    except ValidationError as error:
+        raise FileError(path, explain(error, schema)) from error
+
+
+def toml_of(path: Path) -> dict[str, Any]:
+    """The content of a file, whatever its schema.
+
+    Raises:
+        FileError: it is missing or too large, or no TOML.
+    """
+    return parse_toml(read_text(path, LARGEST_MB, otherwise="is not TOML: it is not UTF-8 text"), path)
+
+
+def tables_of_task(path: Path) -> list[str]:
+    """The list or path of poses that a file names which may be a task, before the task's reader says what is wrong with it."""
+    try:
+        content = toml_of(path)
+    except FileError:
+        return []
+    named = (content.get(key) for key in ("poses", "path"))
+    return [name for name in named if isinstance(name, str) and "\0" not in name]
+
+
+def parse_toml(text: str, path: Path) -> dict[str, Any]:
+    """The content of a text; the only way to the parser for what users write.
+
+    Args:
+        text: TOML.
+        path: that it is from.
+
+    Raises:
+        FileError: it is no TOML, or a key is longer than any that makes sense.
+    """
+    chunks = _ENDS.split(text)
+    keys = (chunk for chunk, end in zip(chunks[::2], chunks[1::2], strict=False) if end in "=]")
+    if any(key.count(".") >= LONGEST_KEY for key in keys):
         raise FileError(path, f"is not TOML that Taskcal reads: a key has more than {LONGEST_KEY} parts")
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except RecursionError as error:
         raise FileError(path, "is not TOML that Taskcal reads: its brackets are nested too deeply") from error
     except tomllib.TOMLDecodeError as error:
@@ -249,19 +290,13 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
         raise FileError(path, f"is not TOML: {mistake.said}", line=mistake.line) from error
     except ValueError as error:  # of Python, for an integer of thousands of digits
         raise FileError(path, "is not TOML: a number has too many digits") from error
-    try:
-        return schema.model_validate(data)
-    except ValidationError as error:
-        raise FileError(path, explain(error, schema)) from error
 
 
 def explain(error: ValidationError, schema: type[BaseModel]) -> str:
     """The problems of a validation by a schema, as ``joint 3, steps 1: what is wrong``; three at most."""
     items = [item for item in map(dict, error.errors()) if not _is_long_enough(item)]
     items.sort(key=lambda item: item["type"] != "extra_forbidden")  # what is missing may stand there under another name
-    problems = [_problem(item, schema) for item in items[:SHOWN]]
-    more = len(items) - SHOWN
-    return "; ".join(problems) + (f"; and {more} more" if more > 0 else "")
+    return listed((_problem(item, schema) for item in items), SHOWN, "; ")
 
 
 def _is_long_enough(item: dict[str, Any]) -> bool:

@@ -53,8 +53,6 @@ class Walked:
 
 # Normal equations.
 
-SQUARED, HUBER, CAUCHY = range(3)
-
 POSES = 2048
 """Poses of other kinds of observation that are linearised at a time."""
 
@@ -62,52 +60,18 @@ WhitenedEquations = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 """An estimate's cost, JᵀWr and JᵀWJ."""
 
 
-def weigh(
-    loss: int, threshold: float, square: Float[np.ndarray, "*blocks"], rows: int
-) -> tuple[Float[np.ndarray, "*blocks"], Float[np.ndarray, "*blocks"]]:
-    """Weight of every block under the loss, and twice its cost.
-
-    Args:
-        loss: SQUARED, HUBER or CAUCHY.
-        threshold: of the root mean square of a block's whitened residuals.
-        square: sum of squares of these.
-        rows: of a block.
-    """
-    size = rows * threshold * threshold
-    scaled = np.maximum(square / size, 1.0 if loss == HUBER else 0.0)
-    if loss == HUBER:
-        return 1.0 / np.sqrt(scaled), np.where(square > size, size * (2.0 * np.sqrt(scaled) - 1.0), square)
-    if loss == CAUCHY:
-        return 1.0 / (1.0 + scaled), size * np.log1p(scaled)
-    return np.ones_like(square), square
-
-
 def normal_equations(
-    walked: Walked,
-    seen: SeenPoints,
-    whitener: Float[np.ndarray, "n targets 3 3"],
-    loss: int = SQUARED,
-    threshold: float = 1.0,
+    walked: Walked, seen: SeenPoints, whitener: Float[np.ndarray, "n targets 3 3"]
 ) -> tuple[float, Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Cost, JᵀWr and JᵀWJ of the whitened residuals r = whitener·(measured − predicted), W the loss's weights.
-
-    A loss acts on the root mean square of a block's whitened residuals, so that it does not depend on the axes:
-    the cost of a block of b = 3 rows is ½·b·t²·ρ(|r|²/(b·t²)), with threshold t.
-    """
+    """Cost ½·rᵀr, JᵀWr and JᵀWJ of the residuals r = measured − predicted, whitened: W = whitenerᵀ·whitener."""
     p = walked.layout.count
 
-    def add(rows: slice) -> tuple[float, np.ndarray]:
-        A = walked.rows(rows, seen, whitener)
-        twice = None
-        if loss != SQUARED:
-            by_axis = A.reshape(p + 1, -1, 3, BLOCK)
-            weight, twice = weigh(loss, threshold, (by_axis[p] ** 2).sum(axis=1), 3)
-            by_axis *= np.sqrt(weight)[:, None]
-        flat = A.reshape(p + 1, -1)
-        sums = flat @ flat.T
-        return 0.5 * float(sums[p, p] if twice is None else twice.sum()), sums
+    def add(rows: slice) -> np.ndarray:
+        flat = walked.rows(rows, seen, whitener).reshape(p + 1, -1)
+        return flat @ flat.T
 
-    costs, sums = zip(*in_chunks(add, len(walked.s), TILE), strict=True)
+    sums = in_chunks(add, len(walked.s), TILE)
+    costs = [0.5 * float(one[p, p]) for one in sums]
     total = sums[0] if len(sums) == 1 else np.sum(sums, axis=0)
     return sum(costs), total[:p, p].copy(), total[:p, :p].copy()
 

@@ -14,29 +14,10 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.observations.base import kinds
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.observations.point import Point
-from taskcal.plugins import load_plugins, state_faults
 from taskcal.reading.pictures import Corners
 from taskcal.robot.robot import Robot
-
-
-class Said(str):
-    """What a person is told or asked in words, with its values in their places, so that a page can say it in its language."""
-
-    template: str
-    """English, with places to fill as `str.format` has them; catalogues of other languages have it as their key."""
-    values: Mapping[str, "str | float"]
-
-    def __new__(cls, template: str, **values: str | float) -> "Said":
-        """Fill the places in; a value may be a sentence itself."""
-        whole = super().__new__(cls, template.format(**values))
-        whole.template, whole.values = template, values
-        return whole
-
-    @property
-    def parts(self) -> dict[str, Any]:
-        """Template and values, for lines of JSON."""
-        values = {name: value.parts if isinstance(value, Said) else value for name, value in self.values.items()}
-        return {"template": self.template, "values": values}
+from taskcal_groundwork.plugins import load_plugins, state_faults
+from taskcal_groundwork.said import Said
 
 
 class DeviceError(TaskcalError):
@@ -53,6 +34,19 @@ class JointReading:
     """In the controller's own order, as the robot file has it: radians, metres where a joint slides."""
     moving: bool | None = None
     """What the controller itself says; None where it says nothing."""
+
+    def __post_init__(self) -> None:
+        """Check that there is a position of every joint.
+
+        Raises:
+            DeviceError: one is none, at which the robot would be waited for.
+        """
+        if not np.isfinite(self.joints).all():
+            k = int(np.flatnonzero(~np.isfinite(self.joints))[0])
+            raise DeviceError(
+                f"the controller states joint {k + 1} as {self.joints[k]}, which is no position; see its messages, and that its "
+                "encoders are read"
+            )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -174,6 +168,8 @@ class Instrument(Device):
 
     asked: ClassVar[bool] = False
     """Whether a person is asked for each reading, who then says when the robot stands."""
+    on_request: ClassVar[bool] = False
+    """Whether each reading is made when it is asked for, so that it is never of an earlier time."""
     unbidden: bool = False
     """Whether readings that do not stream may still come on the way to a pose, as images of a camera that takes one after another:
     of a person who types the joints, those before do not count."""
@@ -237,8 +233,11 @@ class Instrument(Device):
 CONTROLLERS_GROUP, INSTRUMENTS_GROUP = "taskcal.controllers", "taskcal.instruments"
 """Entry points of other packages: subclasses of `Controller` and `Instrument`."""
 
-OWN_MODULES = ("abb", "folder", "hand", "natnet", "opcua", "ros", "rsi", "rtde", "tcp", "virtual")
-"""Modules of this folder that define controllers and instruments."""
+OWN_MODULES = (
+    "taskcal_devices.abb", "taskcal_devices.folder", "taskcal.live.hand", "taskcal_devices.natnet", "taskcal_devices.opcua",
+    "taskcal_devices.ros", "taskcal_devices.rsi", "taskcal_devices.rtde", "taskcal_devices.tcp", "taskcal.live.virtual",
+)  # fmt: skip
+"""Modules that define controllers and instruments."""
 
 _CONTROLLERS: dict[str, type[Controller]] = {}
 _INSTRUMENTS: dict[str, type[Instrument]] = {}
@@ -273,7 +272,7 @@ def instruments() -> Mapping[str, type[Instrument]]:
 
 def _loaded(registry: dict[str, type[_Kind]], kind: type[_Kind], group: str) -> Mapping[str, type[_Kind]]:
     for module in OWN_MODULES:
-        import_module(f"taskcal.live.{module}")
+        import_module(module)
     load_plugins(group, kind, registry)
     return registry
 

@@ -8,11 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.errors import TaskcalError, shown
-from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Shot
 from taskcal.live.lines import KindColumns
 from taskcal.live.stillness import MissedError, Rules
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.robot.robot import Robot
+from taskcal.tables.table import number_of
+from taskcal_groundwork.said import Said
 
 
 class Hand(Controller):
@@ -83,12 +85,11 @@ class Hand(Controller):
             return Said(
                 "{count} values; {needed} are needed, in this order.", count=len(cells), needed=len(self._names)
             )
-        try:
-            typed = np.array([float(cell.replace(",", ".")) for cell in cells])
-        except ValueError:
+        typed = np.array([number_of(cell.strip().replace(",", ".")) for cell in cells])
+        if not np.isfinite(typed).all():
             return Said("'{text}' are not numbers alone.", text=shown(text.strip()))
         joints = typed * self._units
-        if not np.isfinite(joints).all() or not self._robot.inside_limits(joints[None])[0]:
+        if not self._robot.inside_limits(joints[None])[0]:
             return Said("beyond the robot's limits; see the order of the joints and their signs.")
         off = np.abs(joints - self._pose) / self._units
         if (off * self._units > self._within).any():

@@ -2,26 +2,31 @@
 
 import csv
 import json
+import math
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import IO, Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.io.files import take_lock
+from taskcal.io.json_file import SEAL, chained, digest_of, unchain
 from taskcal.live.lines import KindColumns
 from taskcal.observations.base import Measured, written
 from taskcal.observations.instrument import Instrument
+from taskcal.reading.options import ReadOptions
 from taskcal.reading.pictures import NO_CORNERS, Corners, join_corners, read_corners
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import corners_text, joints_text
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_table
+from taskcal.tables.table import number_of
 
 Purpose = Literal["chosen", "kept-out", "reference"]
 """Why a row was measured: chosen for the fit, kept out to judge it, or the first pose again."""
@@ -57,12 +62,19 @@ class Row:
         return f"{self.number}" if self.purpose == "chosen" else f"{self.number}-{self.purpose}"
 
 
+EDITED = "undo the change, or begin another campaign"
+"""What to do about a campaign that is not as it was written."""
+
 SETTINGS = {"instrument": "instrument, or other places, lengths or options of it", "tolerance_mm": "tolerance in mm"}
 """Settings in words, where their names are not."""
 
 
 class Journal:
-    """The campaign's file, and the notes beside it; both are only ever appended to."""
+    """The campaign's file, and the notes beside it; both are only ever appended to, by one process.
+
+    The notes are a chain of seals: each row's digest is noted before the row is written, so that what was moved, left out or
+    put in by others is noticed; a row that a kill prevented is the last that is noted.
+    """
 
     def __init__(
         self,
@@ -87,6 +99,8 @@ class Journal:
         self._observe, self._options = observe, options
         self.rows: tuple[Row, ...] = ()
         self.notes: tuple[Mapping[str, Any], ...] = ()
+        self._held: IO[str] | None = None
+        """The notes, locked as long as this goes on."""
         self.dropped = False
         """Whether a line that a kill had left half-written was dropped."""
         self.corners_path: Path | None = None
@@ -115,14 +129,14 @@ class Journal:
                 self.corners_path,
                 f"belongs to a campaign {self.path.name} that is gone; remove it, or give another name",
             )
-        _append(self.notes_path, json.dumps({"settings": dict(settings)}) + "\n")
+        self.note({"settings": dict(settings)})
+        self._hold()
         if self.corners_path is not None:
             _append(self.corners_path, corners_text([NO_CORNERS]))
         _append(self.path, self._lines([])[0])
         folder = os.open(self.path.resolve().parent, os.O_RDONLY)
         os.fsync(folder)
         os.close(folder)
-        self.notes = ({"settings": dict(settings)},)
 
     def resume(self, settings: Mapping[str, Any]) -> None:
         """Go on with a campaign.
@@ -135,11 +149,17 @@ class Journal:
             raise FileError(
                 lacking, "is not there, so that nothing can be gone on with; begin another one without --resume"
             )
+        self._hold()
         try:
-            self.notes = tuple(json.loads(line) for line in self._whole_lines(self.notes_path))
-        except ValueError as error:
-            raise FileError(self.notes_path, "is damaged; begin another campaign") from error
-        if not self.notes or "settings" not in self.notes[0]:
+            self._read_back(settings)
+        except FileError:
+            self.close()
+            raise
+
+    def _read_back(self, settings: Mapping[str, Any]) -> None:
+        """Read the notes and the rows of a campaign that was begun with these settings."""
+        self.notes = unchain(self.notes_path, self._whole_lines(self.notes_path), EDITED)
+        if not self.notes:
             raise FileError(self.notes_path, "does not state how the campaign was begun; begin another campaign")
         begun = self.notes[0]["settings"]
         for name, value in settings.items():
@@ -153,7 +173,41 @@ class Journal:
         if f"{header}\n" != self._lines([])[0]:
             raise FileError(self.path, "has other columns than a campaign that is measured with this robot", line=1)
         seen = self._resumed_corners(len(lines))
+        self._check_noted(lines, seen)
         self.rows = tuple(self._row(line, number, seen) for number, line in enumerate(lines, 1))
+
+    def _check_noted(self, lines: Sequence[str], seen: Mapping[str, Corners]) -> None:
+        """See that the rows are those that were noted, but for a last one that a kill prevented.
+
+        Raises:
+            FileError: one is not as it was written, or was put in, or the last ones are gone.
+        """
+        noted = {note["row"]: note["digest"] for note in self.notes if "row" in note}
+        for number, line in enumerate(lines, 1):
+            if noted.get(number) != digest_of(line + _corners_in(line, seen)):
+                raise FileError(self.path, f"row {number} is not as it was written; {EDITED}", line=number + 1)
+        gone = len(noted) - len(lines)
+        if gone > 1 or (gone == 1 and self.notes[-1].get("row") != len(noted)):
+            raise FileError(self.path, f"lacks the rows from {len(lines) + 1} to {len(noted)}; {EDITED}")
+
+    def _hold(self) -> None:
+        """Keep other processes from this campaign.
+
+        Raises:
+            FileError: one has it.
+        """
+        self._held = self.notes_path.open("a+", encoding="utf-8")
+        if not take_lock(self._held):
+            self.close()
+            raise FileError(
+                self.path, "is being measured by another process; wait for its end, or begin another campaign"
+            )
+
+    def close(self) -> None:
+        """Let others go on with the campaign; again does nothing."""
+        if self._held is not None:
+            self._held.close()
+            self._held = None
 
     def _resumed_corners(self, rows: int) -> Mapping[str, Corners]:
         """What each image shows; corners of an image whose row was not written any more are taken off the file.
@@ -195,8 +249,10 @@ class Journal:
             FileError: the disk refuses.
         """
         line, seen = self._lines([row])[1], dict[str, Corners]()
+        corners = "" if self.corners_path is None or row.corners is None else corners_text([row.corners])
+        self.note({"row": row.number, "digest": digest_of(line.removesuffix("\n") + corners)})
         if self.corners_path is not None and row.corners is not None:
-            _append(self.corners_path, corners_text([row.corners]).partition("\n")[2])
+            _append(self.corners_path, corners.partition("\n")[2])
             cells = row.corners.table()
             pixel = np.array([cells["u_px"], cells["v_px"]], dtype=float).T
             seen[row.image] = replace(row.corners, pixel=pixel)
@@ -212,8 +268,9 @@ class Journal:
         Raises:
             FileError: the disk refuses.
         """
-        _append(self.notes_path, json.dumps(dict(what)) + "\n")
-        self.notes = (*self.notes, what)
+        line = chained(what, self.notes[-1][SEAL] if self.notes else "")
+        _append(self.notes_path, json.dumps(line) + "\n")
+        self.notes = (*self.notes, line)
 
     def noted(self, kind: str) -> tuple[Any, ...]:
         """Values of all notes of a kind."""
@@ -286,7 +343,7 @@ class Journal:
         """Fields of a row that state what was measured."""
         if self._observe is None:
             *xyz, station = cells
-            return {"station": int(station), "point": np.array([float(cell) for cell in xyz]) * 1e-3}
+            return {"station": int(station), "point": np.array([_number(cell) for cell in xyz]) * 1e-3}
         if self.corners_path is not None:
             return {
                 "station": 1,
@@ -309,18 +366,20 @@ class Journal:
             if int(own) != number or (purpose or "chosen") not in get_args(Purpose):
                 raise ValueError(text)
             n = len(self.robot.joints)
-            joints = np.array([float(cell) for cell in cells[:n]]) * np.where(self.robot.prismatic, 1e-3, np.pi / 180.0)
+            joints = np.array([_number(cell) for cell in cells[:n]]) * np.where(
+                self.robot.prismatic, 1e-3, np.pi / 180.0
+            )
             return Row(
                 number=number,
                 purpose=purpose or "chosen",  # pyright: ignore[reportArgumentType]
-                time_s=float(time_s),
+                time_s=_number(time_s),
                 joints=joints,
                 **self._measured(cells[n:], number, seen),
             )
         except (ValueError, StopIteration, LookupError, TaskcalError) as error:
             raise FileError(
                 self.path,
-                f"row {number} is not as it was written; undo the change, or begin another campaign",
+                f"row {number} is not as it was written; {EDITED}",
                 line=number + 1,
             ) from error
 
@@ -332,6 +391,12 @@ class Journal:
             os.truncate(path, whole)
             self.dropped = True
         return content[:whole].decode("utf-8", "replace").splitlines()
+
+
+def _corners_in(line: str, seen: Mapping[str, Corners]) -> str:
+    """Text of the corners of the image that a row names; empty where it names none."""
+    name = next((cell for cell in next(csv.reader([line]), []) if cell in seen), None)
+    return "" if name is None else corners_text([seen[name]])
 
 
 def _worded(name: str, value: Any) -> str:
@@ -353,3 +418,15 @@ def _append(path: Path, line: str) -> None:
             os.fsync(file.fileno())
     except OSError as error:
         raise FileError(path, f"cannot be written: {error.strerror or error}; mend that, and resume") from error
+
+
+def _number(cell: str) -> float:
+    """A number that was written.
+
+    Raises:
+        ValueError: it is none.
+    """
+    number = number_of(cell)
+    if not math.isfinite(number):
+        raise ValueError(cell)
+    return number

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError, shown
+from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.live.devices import DeviceError, Shot
 from taskcal.observations.base import Observation, ObservedColumns, Read, kinds
 from taskcal.observations.point import Point
 from taskcal.reading.columns import meanings
-from taskcal.reading.readings import is_lost, quantity_of
-from taskcal.tables.table import LENGTHS
+from taskcal.reading.positions import is_lost
+from taskcal.reading.readings import quantity_of
+from taskcal.tables.table import LARGEST, LENGTHS, number_of, trouble_with
 from taskcal.tables.text import separator_of, split_line, with_point
 
-_NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_BEGINS_A_NUMBER = re.compile(r"[+-]?[.,]?\d")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,15 +76,15 @@ class Columns:
         own = [cells[k] for k in self.axes]
         if all(map(is_lost, own)):
             return np.full(3, np.nan)
-        comma = any(_DECIMAL_COMMA.fullmatch(cell) for cell in own)
-        try:
-            point = np.array([float(with_point(cell, "," if comma else ".")) for cell in own]) * self.metres
-        except ValueError:
-            wrong = next((cell for cell in own if not _NUMBER.fullmatch(cell)), own[0])
-            raise TaskcalError(
-                f"'{shown(line)}': '{shown(wrong)}' is not a number; have points alone written, or # before other lines, and "
-                "resume (--resume)"
-            ) from None
+        pointed = _with_points(line, own)
+        point = np.array([number_of(cell) for cell in pointed])
+        for cell, number in zip(pointed, point, strict=True):
+            if not abs(number) <= LARGEST:
+                raise TaskcalError(
+                    f"'{shown(line)}': {trouble_with(cell, 'give a number')}; have points alone written, or # before other lines, "
+                    "and resume (--resume)"
+                )
+        point = point * self.metres
         return point if point.any() and np.isfinite(point).all() else np.full(3, np.nan)
 
 
@@ -116,6 +117,10 @@ class KindColumns:
         """
         comma = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         own = {name: with_point(cells[k], ",") if comma else cells[k] for name, (k, _) in self.at.items()}
+        try:
+            _with_points(" ".join(cells), [cells[k] for k, unit in self.at.values() if unit])
+        except TaskcalError as error:
+            raise FileError(Path(source), str(error)) from None
         return self.kind.read(
             ObservedColumns(
                 path=Path(source),
@@ -177,7 +182,7 @@ class Lines:
             if self._columns is None:
                 self._columns = columns_of(line)
                 return None
-            if old or (first and not any(_NUMBER.fullmatch(cell) for cell in _split(line))):
+            if old or (first and not any(map(_BEGINS_A_NUMBER.match, _split(line)))):
                 return None  # a header, beside the columns that were stated
             return self._columns.shot(line, time_s)
         except TaskcalError as error:
@@ -202,6 +207,22 @@ def _cells(line: str, names: Sequence[str]) -> Sequence[str]:
             "are (--columns)"
         )
     return cells
+
+
+def _with_points(line: str, cells: Sequence[str]) -> list[str]:
+    """Numbers of a line with decimal points.
+
+    Raises:
+        TaskcalError: some have a comma and others a point, either of which may part thousands.
+    """
+    comma = next(filter(_DECIMAL_COMMA.fullmatch, cells), None)
+    point = next((cell for cell in cells if "." in cell and "," not in cell), None)
+    if comma and point:
+        raise TaskcalError(
+            f"'{shown(line)}': '{shown(comma)}' has a comma and '{shown(point)}' a point; have all numbers written with one "
+            f"decimal mark and no mark for thousands, such as {shown(comma.replace(',', '.'))} or {shown(comma.replace(',', ''))}"
+        )
+    return [with_point(cell, "," if comma else ".") for cell in cells]
 
 
 def _split(line: str, count: int = 0) -> Sequence[str]:

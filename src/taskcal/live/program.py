@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import CampaignError, FileError, TaskcalError
+from taskcal.errors import CampaignError, FileError, TaskcalError, listed
 from taskcal.identification.calibration import residuals_on
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.options import FitOptions
-from taskcal.live.devices import Said
 from taskcal.live.journal import Purpose, Row
 from taskcal.live.runner import Event, Left, Outcome, Runner
 from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, State, Step, as_campaign
 from taskcal.live.stillness import MissedError, Rules, Taken
-from taskcal.reading.readings import no_joint, read_joints
+from taskcal.reading.joints import no_joint, read_joints
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_csv
+from taskcal_groundwork.said import Said
 
 NAMED_ROWS = 5
 """Rows whose poses a person names where no joints are read; fifteen numbers for the nine of tracker frame and target."""
@@ -145,7 +145,7 @@ class ProgramRunner(Runner):
         """One row, from a standstill to the file; or how it ended."""
         if (outcome := self._ended(state)) is not None:
             return outcome
-        left = self.program.left(self._journal.rows)
+        left = self.program.left(self.steering.counting)
         if not len(left):
             return Outcome(state=state, reason="visited")
         self.tell(Event(kind="left", state=state, left=self._left(left, first=state.met)))
@@ -217,7 +217,7 @@ class ProgramRunner(Runner):
 
     def _purpose(self, joints: Float[np.ndarray, " joints"]) -> Purpose:
         """What a row is for, by where it was measured: a pose that was measured before shows whether anything has moved."""
-        here = [one for one in self._journal.rows if one.station == self.steering.station]
+        here = [one for one in self.steering.counting if one.station == self.steering.station]
         if any((np.abs(one.joints - joints) <= self.program.within).all() for one in here):
             return "reference"
         pose = self.program.at(joints)
@@ -277,7 +277,7 @@ class ProgramRunner(Runner):
             )
         first = int(fits[0])
         if not self.program.near(self.program.q[first])[fits].all():
-            poses = ", ".join(ids[k] for k in fits[:4])
+            poses = listed((ids[k] for k in fits), 4)
             raise MissedError("the target may be at one of the poses {poses}; not taken", poses=poses)
         return first
 

@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.kinematics.clearance import clear_of_boxes, clear_of_itself, place_links
-from taskcal.live.devices import Controller, Said
+from taskcal.live.devices import Controller
 from taskcal.live.journal import Journal, Row
 from taskcal.live.steering import Aim, State, Steering, Step
 from taskcal.live.stillness import MissedError, StoppedError, Taken, Taker
+from taskcal_groundwork.said import Said
 
 Answer = Literal["again", "skip", "moved", "keep", "yes", "no", "stop"]
 """Measure again; leave the pose out; the tracker was moved, and stands elsewhere from now on; go on as it is; the robot is at the
@@ -134,7 +135,9 @@ class Runner:
     def __post_init__(self) -> None:
         self._doubt = self._asked_again = False
         self._here: Float[np.ndarray, " joints"] | None = None
-        self._base_s = self.now() - float(self._journal.settings["begun"])
+        since_s = self.now() - float(self._journal.settings["begun"])
+        last_s = max((row.time_s for row in self._journal.rows), default=0.0)
+        self._base_s, self._set_back = max(since_s, last_s), since_s < last_s
         self._first_s: float | None = None
 
     @property
@@ -149,6 +152,10 @@ class Runner:
         """
         if self._journal.dropped:
             self._note(Said("a line that was half-written when the last session ended was taken off"))
+        if self._set_back:
+            self._note(
+                Said("this computer's clock was set back since the last session: times go on behind the last row's")
+            )
         state = State(rows=0)
         try:
             while True:

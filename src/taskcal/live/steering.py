@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from hashlib import sha256
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +29,9 @@ from taskcal.live.journal import Journal, Purpose, Row
 from taskcal.observations.base import Measured, error_lengths
 from taskcal.observations.instrument import Instrument, Measurable
 from taskcal.observations.point import Station, Tracker
-from taskcal.planning.plan import POOL_SEED, PlanOptions, PoseChoice
+from taskcal.planning.options import PlanOptions
+from taskcal.planning.plan import POOL_SEED, PoseChoice
+from taskcal.registration.registration import PLAUSIBLE_SHARE, distances, nominal_poses, register_closely
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -39,6 +42,11 @@ that matter most. A convention."""
 UNIT_ROWS = 5
 """Chosen rows from which on it is seen whether joints are in the unit that they are taken for: fifteen numbers for the nine of
 tracker frame and target."""
+
+DRAWS, DRAWN_ROWS = 150, 4
+"""Sets of rows that are registered at most to find those that are right, and rows of each, whose twelve numbers are three more than
+frame and target need. Up to nine rows these are all sets; of twelve with seven right, they lack one of right rows once in 10⁵
+times."""
 
 REFIT_GROWTH = 1.3
 """Of the fitted rows, after which all of them are fitted anew with all effects, which takes seconds; between, a row adds its
@@ -151,10 +159,6 @@ class Fit:
     """Indices of those that took part."""
     instrument: Instrument
     """With the fixtures that took part, in the calibration's order."""
-    growth: float
-    """Of the geometry's mean square beyond the measured range, over that of the experiment."""
-    single: float
-    """Mean square of what no model explains at a single pose of the task, metres²."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -287,11 +291,15 @@ class Steering:
         """Of the tracker, from 1."""
         return 1 + len(self.journal.noted("moved"))
 
+    @property
+    def counting(self) -> list[Row]:
+        """The rows that were not found wrong."""
+        excluded = self._excluded()
+        return [row for row in self.journal.rows if row.number not in excluded]
+
     def _numbers(self, purpose: Purpose) -> Int[np.ndarray, " k"]:
         """Indices of the rows of a purpose that count."""
-        excluded = self._excluded()
-        own = [row for row in self.journal.rows if row.purpose == purpose and row.number not in excluded]
-        return np.array([row.number - 1 for row in own], dtype=np.int64)
+        return np.array([row.number - 1 for row in self.counting if row.purpose == purpose], dtype=np.int64)
 
     def _fitting(self) -> Int[np.ndarray, " k"]:
         """Indices of the rows to fit: chosen ones, of stations and fixtures that have enough of them."""
@@ -308,28 +316,21 @@ class Steering:
     @single_threaded
     def _fitted(self, rows: Int[np.ndarray, " k"]) -> Fit:
         aim = self.aim
-        calibration = self._identified(self._read(rows))
+        try:
+            calibration = self._identified(self._read(rows))
+        except (CampaignError, FitError):
+            self._refuse_contradiction(rows)  # says what can be done in a measurement that goes on
+            raise
         instrument, measurable = self._standing(calibration)
         options = PlanOptions(
             seed=aim.seed, station=aim.station, observe=aim.observe and instrument, calibration=calibration
         )
         choice = PoseChoice.among(calibration.model, aim.task, options, measurable)
-        with_single, known = (
-            np.trace(calibration.predict_covariance(choice.goal.q, model_error=own)[:, 0, :3, :3], axis1=1, axis2=2)
-            @ choice.goal.weights
-            for own in (True, False)
-        )
-        linear = choice.judged.linear
-        J = linear.sensitivities(choice.goal.q)[:, 0]
-        C = calibration.z_covariance / linear.deviations / linear.deviations[:, None]
-        inside = np.einsum("nij,nij->n", J @ C, J) @ choice.goal.weights
         return Fit(
             calibration=calibration,
             choice=choice,
             rows=rows,
             instrument=instrument,
-            growth=max(float(known / inside), 1.0),
-            single=float(with_single - known),
         )
 
     def _standing(self, calibration: Calibration) -> tuple[Instrument, Measurable]:
@@ -368,7 +369,7 @@ class Steering:
         """
         fitting, fits = self._fitting(), self.journal.noted("fit")
         if len(fitting) < self.start_rows:
-            self._refuse_other_unit(fitting)
+            self._refuse_contradiction(fitting)
             return self._state()
         if self._fit is None and fits and fits[-1] <= len(fitting):
             self._fit = self._fitted(fitting[: fits[-1]])
@@ -380,11 +381,12 @@ class Steering:
             budget = self._budget_of_fit()
         return self._judged(budget)
 
-    def _refuse_other_unit(self, fitting: Int[np.ndarray, " k"]) -> None:
-        """See that joints are not in another unit than they are taken for, as a program's table or a driver may have them.
+    def _refuse_contradiction(self, fitting: Int[np.ndarray, " k"]) -> None:
+        """See that joints and points are of one another, and joints in the unit that they are taken for.
 
         Raises:
-            CampaignError: joints and points contradict each other, and agree in the other unit; or lengths must be in another.
+            CampaignError: they contradict each other, in some rows, or in all and agree in another unit; or lengths must be in
+                another.
         """
         if not self._tracked:
             self._check_readings()
@@ -400,6 +402,55 @@ class Steering:
                     f"{meant}: {meant} were taken for {taken}. Mend that where the joints come from, the head of the program's "
                     "table or the controller's driver, and begin another campaign"
                 )
+        self._keep_out_wrong(first, campaign)
+
+    def _keep_out_wrong(self, rows: Int[np.ndarray, " k"], campaign: Campaign) -> None:
+        """Note which rows contradict all others, so that resuming goes on with those that are right.
+
+        Args:
+            rows: of the first station, which contradict each other.
+            campaign: as they are read.
+
+        Raises:
+            CampaignError: some are wrong; or which ones they are cannot be told of so many.
+        """
+        right = self._right(campaign)
+        if right.sum() >= max(UNIT_ROWS, len(rows) // 2 + 1) and not right.all() and self._agrees(campaign.take(right)):
+            wrong = [self.journal.rows[k].number for k in rows[~right]]
+            self.journal.note({"excluded": wrong})
+            raise CampaignError(
+                f"joints and points of row{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong))} contradict the {right.sum()} "
+                "others: kept out of the fit from here on. See that points belong to the joints of their own stop, that the "
+                "instrument does not deliver late, and that the target is firm; then go on with the others (--resume)"
+            )
+        if len(rows) >= 2 * UNIT_ROWS:
+            raise CampaignError(
+                f"of the first {len(rows)} rows no more than half agree with the nominal robot, and which of them are right "
+                "cannot be told. See that points belong to the joints of their own stop, and that the robot is the one that is "
+                "named (taskcal doctor tries what else may be wrong); then begin another campaign"
+            )
+
+    def _right(self, campaign: Campaign) -> Bool[np.ndarray, " k"]:
+        """The most rows that the nominal robot can have been at, by the registrations of few of them."""
+        model, rng, n = self.aim.model, np.random.default_rng(self.aim.seed), len(campaign)
+        if n <= START_ROWS:
+            sets = rng.permutation(list(combinations(range(n), DRAWN_ROWS)))[:DRAWS]
+        else:
+            sets = [np.sort(rng.choice(n, size=DRAWN_ROWS, replace=False)) for _ in range(DRAWS)]
+        T, limit = nominal_poses(model, campaign), PLAUSIBLE_SHARE * model.robot.reach
+        best = np.zeros(n, dtype=bool)
+        for drawn in sets:
+            near = self._near(campaign, T, drawn) <= limit
+            if near.sum() >= DRAWN_ROWS:  # once more by all that agree
+                near = self._near(campaign, T, np.flatnonzero(near)) <= limit
+            best = near if near.sum() > best.sum() else best
+        return best
+
+    def _near(
+        self, campaign: Campaign, T: Float[np.ndarray, "n 4 4"], rows: Int[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " n"]:
+        """How far each row is from where the nominal robot has it, registered by some of them, metres."""
+        return distances(register_closely(campaign.take(rows), T[rows]), campaign, T)[:, 0]
 
     def _check_readings(self) -> None:
         """See that readings without a tracker are in the unit that they are taken for, as far as few rows tell.
@@ -452,13 +503,14 @@ class Steering:
     def _budget_with(self, gained: Float[np.ndarray, "d d"]) -> ErrorBudget:
         fit = self._fit
         assert fit is not None
-        judged = fit.choice.judged
+        judged, single = fit.choice.judged, fit.choice.single
+        assert single is not None
         WC = judged.task @ np.linalg.inv(judged.prior + gained)
         return ErrorBudget(
             correction=0.0,
             left=0.0,
-            variances={"geometry": fit.growth * (float(np.trace(WC)) + judged.left), "model error": fit.single},
-            variance_of_mean_square=2.0 * fit.growth**2 * float(np.sum(WC * WC.T)),
+            variances={"geometry": float(np.trace(WC)) + judged.left, "model error": single},
+            variance_of_mean_square=2.0 * float(np.sum(WC * WC.T)),
         )
 
     def _meets(self, budget: ErrorBudget) -> bool:
@@ -584,7 +636,7 @@ class Steering:
             return self._step(purpose, own, self._drawn(own, number, clear)), None
         start, planned, _ = self._start
         if self._fit is None:
-            done = len(self._numbers("chosen")) + len(self._skipped)
+            done = sum(row.purpose == "chosen" for row in self.journal.rows) + len(self._skipped)
             if done < len(planned.q):
                 return self._step(purpose, planned, done), None
             free = self._free(start.measurable.q)
@@ -596,7 +648,7 @@ class Steering:
 
     def _first_like(self, row: Row) -> Row:
         """The first row at the fixture of another one."""
-        return next(one for one in self.journal.rows if one.fixture == row.fixture)
+        return next(one for one in self.counting if one.fixture == row.fixture)
 
     def _lacking(self, visible: Bool[np.ndarray, "n targets"]) -> Bool[np.ndarray, " n"]:
         """Which of some postures are of a fixture that has too few rows; all, where there is none of these."""
@@ -696,7 +748,7 @@ class Steering:
 
     def drift(self, row: Row) -> float | None:
         """How far a pose that was measured before has moved, metres, where that is beyond noise; else None."""
-        here = [one for one in self.journal.rows if (one.station, one.fixture) == (row.station, row.fixture)]
+        here = [one for one in self.counting if (one.station, one.fixture) == (row.station, row.fixture)]
         same = [one for one in here if (np.abs(one.joints - row.joints) <= SAME_POSE).all()]
         if not same or not self.located(row) or self._fit is None:
             return None

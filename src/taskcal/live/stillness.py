@@ -1,14 +1,16 @@
 """Taking a row: joints and target are measured only while both stand, and averaged over the standstill."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Shot
 from taskcal.observations.point import Point
 from taskcal.reading.pictures import Corners
+from taskcal_groundwork.said import Said
 
 
 class StoppedError(Exception):
@@ -65,6 +67,19 @@ class Rules:
     left: float = 2e-3
     """From where it stood, beyond which the robot has left, radians or metres: twenty times what a robot that stands may move in
     `settle_s`, and a hundredth of what lies between two poses. A convention."""
+    latest_s: float = 4.0
+    """By which points may arrive later than joints of the same time, or earlier, where no motion has shown by how much, seconds. A
+    convention: software that filters and exports a point takes up to three."""
+
+    @property
+    def still(self) -> float:
+        """Range of the joints while the robot stands, radians or metres."""
+        return 3.0 * self.max_speed
+
+    @property
+    def apart_m(self) -> float:
+        """Between two shots, beyond which they are of two places: five times their scatter, which noise does not reach."""
+        return 5.0 * self.max_scatter_m
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,13 +114,96 @@ def stands(readings: Sequence[JointReading], rules: Rules) -> bool:
     t, q = np.array([one.time_s for one in inside]), np.stack([one.joints for one in inside])
     t = t - t.mean()
     slope = t @ (q - q.mean(axis=0)) / (t @ t)
-    return bool((np.abs(slope) <= rules.max_speed).all() and (np.ptp(q, axis=0) <= 3.0 * rules.max_speed).all())
+    return bool((np.abs(slope) <= rules.max_speed).all() and (np.ptp(q, axis=0) <= rules.still).all())
 
 
 def scatter_of(points: Float[np.ndarray, "shots 3"]) -> float:
     """Rms distance of shots from their mean, of the degrees of freedom that they have, metres; 0 for one."""
     off = points - points.mean(axis=0)
     return float(np.sqrt((off**2).sum() / max(len(points) - 1, 1)))
+
+
+MOTIONS = 3
+"""Last motions that tell how late points are. A convention: one at which the joints were not read, as in a fit, tells little."""
+
+UNBIDDEN = 3
+"""Shots in one wait that were made before the robot stood, from which on an instrument of lines sends them by itself."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Together:
+    """Whether joints and points are of the same stop: where both have stood for longer than one can be later than the other.
+
+    How late that is, is seen as they leave a stop that they had together.
+    """
+
+    row: Taken | None = None
+    """The last row."""
+    left_s: float = 0.0
+    """When joints of the last row's stop last arrived."""
+    gone: bool = False
+    """Whether the robot has left that stop."""
+    away: list[float] = field(default_factory=list)
+    """When shots arrived, one after another, that are not at the last row's place."""
+    departed: bool = False
+    """Whether it is known how late they left it."""
+    here: JointReading | None = None
+    """The first of the readings of this standstill."""
+    run: Shot | None = None
+    """The first of the shots that stand."""
+    times_s: tuple[float, float] | None = None
+    """Of the first row's joints and of its points, as the devices count them."""
+    lags: deque[float] = field(default_factory=lambda: deque(maxlen=MOTIONS))
+    """By which points left a stop after the joints, at the last motions, seconds."""
+
+    def late_s(self, rules: Rules) -> float:
+        """How late either is at most, seconds."""
+        return min(abs(min(self.lags, default=rules.latest_s)), rules.latest_s)
+
+    def see_joints(self, one: JointReading, rules: Rules) -> None:
+        """Take up joints that arrived."""
+        if self.here is None or (np.abs(one.joints - self.here.joints) > rules.still).any():
+            self.here = one
+        if self.row is None or self.gone:
+            return
+        if (np.abs(one.joints - self.row.joints) <= rules.still).all():
+            self.left_s = one.time_s
+        else:
+            self.gone = True
+
+    def see_shot(self, shot: Shot, rules: Rules) -> None:
+        """Take up a shot that arrived."""
+        if not shot.valid:
+            return
+        if self.run is None or np.linalg.norm(shot.point - self.run.point) > rules.apart_m:
+            self.run = shot
+        if self.row is None or self.departed:
+            return
+        away = np.linalg.norm(shot.point - self.row.point) > rules.apart_m
+        self.away = [*self.away, shot.time_s][:2] if away else []
+        if len(self.away) > 1 and self.gone:  # a single one may be an outlier
+            self.departed = True
+            self.lags.append(self.away[1] - self.left_s)
+
+    def stale(self, shot: Shot, joints: Float[np.ndarray, " joints"], rules: Rules) -> bool:
+        """Whether a shot is still at the place of the last row, which the robot has left."""
+        return (
+            self.row is not None
+            and bool((np.abs(joints - self.row.joints) > rules.left).any())
+            and bool(np.linalg.norm(shot.point - self.row.point) <= rules.apart_m)
+        )
+
+    def stand(self, shot: Shot, rules: Rules, *, joints: bool) -> bool:
+        """Whether the points, and the joints where these are read, have stood for long enough by a shot."""
+        begun = [self.run.time_s] if self.run is not None else [shot.time_s]
+        if joints and self.here is not None:
+            begun.append(self.here.time_s)
+        return shot.time_s >= max(begun) + rules.settle_s + self.late_s(rules)
+
+    def took(self, row: Taken) -> None:
+        """Take up a row."""
+        self.row, self.left_s = row, row.time_s
+        self.gone, self.departed, self.away = False, False, []
 
 
 @dataclass(eq=False, kw_only=True)
@@ -119,6 +217,7 @@ class Taker:
     """Asked between readings, until the robot stands: a row that has begun is finished."""
     kind: str = Point.key
     """Key of the kind of observation that is measured."""
+    together: Together = field(default_factory=Together)
 
     def take(
         self,
@@ -150,7 +249,7 @@ class Taker:
             scatter = scatter_of(points)
             if scatter <= self.rules.max_scatter_m:
                 joints = np.mean([one.joints for one in readings], axis=0)
-                return Taken(
+                taken = Taken(
                     time_s=readings[-1].time_s,
                     joints=joints,
                     point=points.mean(axis=0),
@@ -158,6 +257,15 @@ class Taker:
                     shots=len(points),
                     corners=shots[-1].corners,
                 )
+                self._compare_clocks(taken.time_s, shots[-1].time_s)
+                self.together.took(taken)
+                return taken
+        if self.together.row is None and self._pairs and self.controller.streams and self.instrument.streams:
+            raise MissedError(
+                "joints and points have not stood together for {needed_s:.1f} s, before which it is not known how late points "
+                "arrive; let robot and target stand for so long once",
+                needed_s=self.rules.settle_s + self.rules.latest_s,
+            )
         raise MissedError(
             "the robot moved, or {shots} shots scattered by more than {limit_mm:g} mm (tries: {tries}); see that robot, target and "
             "instrument stand firmly",
@@ -245,11 +353,14 @@ class Taker:
             own = self.instrument.streams or self.instrument.asked
             while not own and self.instrument.read(0.0) is not None:
                 pass  # what was measured before the pose was asked for
-            return [self.controller.read(self.rules.wait_s)]
+            typed = self.controller.read(self.rules.wait_s)
+            self.together.see_joints(typed, self.rules)
+            return [typed]
         readings: list[JointReading] = []
         begun: float | None = None
         while True:
             one = self.controller.read(self.rules.read_s)
+            self.together.see_joints(one, self.rules)
             begun = one.time_s if begun is None else begun
             oldest = one.time_s - 1.5 * self.rules.settle_s
             readings = [*(old for old in readings if old.time_s >= oldest), one]
@@ -289,10 +400,16 @@ class Taker:
         waited, lost_since = 0.0, readings[-1].time_s
         patience = rules.beam_s if self.instrument.streams else rules.wait_s
         limit = min(rules.read_s, 0.2 * rules.settle_s)  # so that joints are read often enough to show the standstill
+        before, waiting, apart = 0, True, False
         while len(shots) < rules.shots:
-            shot = self._read(limit)
-            if shot is not None and shot.time_s < since:
-                continue  # one of many that waited while the robot moved
+            shot = self._read(0.0 if waiting else limit)
+            if shot is not None:
+                self.together.see_shot(shot, rules)
+            old = shot is not None and shot.time_s < since
+            if (waiting and (old or shot is None)) or (old and not self._pairs):
+                before, waiting = before + old, waiting and old
+                continue  # one of many that waited while the robot moved, or the end of these
+            waiting = False
             if self.controller.streams:
                 readings.append(self.controller.read(rules.read_s))
                 if not stands(readings, rules):
@@ -303,16 +420,67 @@ class Taker:
                 raise MissedError.of(shot.wrong)
             elif not shot.valid:
                 shots.clear()
-                waited = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0
+                waited, apart = max(waited, shot.time_s - lost_since) if self.instrument.streams else 0.0, False
+            elif old or not self._belongs(shot, readings[-1], flows=self.instrument.streams or before >= UNBIDDEN):
+                shots.clear()
+                apart, waited = True, max(waited, shot.time_s - lost_since, readings[-1].time_s - lost_since)
             else:
                 shots.append(shot)
                 waited, lost_since = 0.0, shot.time_s
             if waited > patience:
-                raise MissedError(
-                    "no valid shot for {waited_s:.0f} s while the robot stood; see that the instrument sees the target, "
-                    "and sends what it reads then",
-                    waited_s=waited,
+                raise (
+                    self._apart(waited)
+                    if apart
+                    else MissedError(
+                        "no valid shot for {waited_s:.0f} s while the robot stood; see that the instrument sees the target, "
+                        "and sends what it reads then",
+                        waited_s=waited,
+                    )
                 )
             if self.stopped() and waited > rules.settle_s and not shots:
                 raise StoppedError
         return shots
+
+    @property
+    def _pairs(self) -> bool:
+        """Whether it has to be seen that points are of the joints' stop."""
+        return self.kind == Point.key and not self.instrument.on_request
+
+    def _belongs(self, shot: Shot, reading: JointReading, *, flows: bool) -> bool:
+        """Whether a shot is of the stop at which the joints were read.
+
+        Raises:
+            MissedError: a single one is not.
+        """
+        if not self._pairs:
+            return True
+        stale = self.together.stale(shot, reading.joints, self.rules)
+        if stale and not flows:
+            raise self._apart(0.0)
+        return not stale and (not flows or self.together.stand(shot, self.rules, joints=self.controller.streams))
+
+    def _compare_clocks(self, joints_s: float, points_s: float) -> None:
+        """See that the times of joints and points that arrive together advance alike, from the second row on.
+
+        Raises:
+            DeviceError: they do not.
+        """
+        first = self.together.times_s = self.together.times_s or (joints_s, points_s)
+        joints_s, points_s = joints_s - first[0], points_s - first[1]
+        if self.controller.streams and self.instrument.streams and abs(joints_s - points_s) > self.rules.latest_s:
+            raise DeviceError(
+                f"since the first row the joints of the controller '{self.controller.name}' count {joints_s:.1f} s, and the points "
+                f"of the instrument '{self.instrument.name}' {points_s:.1f} s: these are not the times at which they arrive; see "
+                "the clocks of both, and go on (--resume)"
+            )
+
+    def _apart(self, waited_s: float) -> MissedError:
+        """Points that do not belong to the joints that are read."""
+        return MissedError(
+            "the points of the instrument '{instrument}' do not follow the joints of the controller '{controller}': "
+            "{waited_s:.0f} s after the robot stood they have not come to rest, or are where the last row was measured; see that "
+            "the target is on the tool, and which of the two delivers late",
+            instrument=self.instrument.name,
+            controller=self.controller.name,
+            waited_s=waited_s,
+        )

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from taskcal.errors import shown
 from taskcal.geometry import se3
-from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Said, Shot
+from taskcal.live.devices import Controller, DeviceError, Instrument, JointReading, Shot
 from taskcal.live.stillness import MissedError
 from taskcal.observations.base import Measured, Scene, TrackerNoise
 from taskcal.observations.camera import FEWEST_CORNERS
@@ -24,6 +24,7 @@ from taskcal.robot.effects import candidates
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.virtual.cell import OutOfReachError, TrueRobot, draw_defects, visit
+from taskcal_groundwork.said import Said
 
 # The figures below are conventions, of the size that robots and trackers have.
 
@@ -271,6 +272,7 @@ class VirtualTracker(Instrument):
     """A tracker that sees the simulated robot's reflector from everywhere, or what else measures it."""
 
     name: ClassVar[str] = "virtual"
+    on_request: ClassVar[bool] = True
 
     def __init__(self, cell: VirtualCell):
         self._cell = cell

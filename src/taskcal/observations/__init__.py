@@ -34,7 +34,6 @@ from taskcal.observations.distance import Lengths as Lengths
 from taskcal.observations.distance import WireInstrument as WireInstrument
 from taskcal.observations.instrument import Fixtures as Fixtures
 from taskcal.observations.instrument import Instrument as Instrument
-from taskcal.observations.instrument import Setting as Setting
 from taskcal.observations.instrument import instrument_class as instrument_class
 from taskcal.observations.instrument import instrument_classes as instrument_classes
 from taskcal.observations.instrument import load_fixtures as load_fixtures

@@ -2,20 +2,21 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import checked
 from taskcal.errors import CampaignError, FileError, TaskcalError, UnknownName, shown
-from taskcal.plugins import load_plugins, state_faults
+from taskcal.io.codec import NOT_IN_FILE, decode, describe
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 from taskcal.tables.table import Table
+from taskcal_groundwork.plugins import load_plugins, state_faults
 
 # Columns of a file that a kind of observation reads, by the kind's own names for them.
 
@@ -296,14 +297,12 @@ class Observation(ABC):
     """What one of them is called in the names of its unknowns; the label by default."""
     each: ClassVar[tuple[str, ...]] = ()
     """Last parts of the names of the unknowns that each of them has."""
-    parts: ClassVar[Mapping[str, type]] = MappingProxyType({})
-    """Fields that hold records, and the class of these."""
     label: ClassVar[str] = ""
     """The column that names what each row refers to: a file with a tracker's points has the kind only where this is there. Empty
     for a kind whose columns mean nothing else."""
     units: ClassVar[Mapping[str, ShownUnit]] = MappingProxyType(dict.fromkeys(("rx", "ry", "rz"), ShownUnit.of("rad")))
     """Units in which people see its unknowns, by the last part of their names; millimetres for all others."""
-    of: Int[np.ndarray, " n"] | None = None
+    of: Annotated[Int[np.ndarray, " n"] | None, NOT_IN_FILE] = None
     """Which of several things each row refers to, −1 for none; None where there is one, or where no rows belong to it."""
 
     def __init_subclass__(cls) -> None:
@@ -478,14 +477,16 @@ class Observation(ABC):
 
     def describe(self) -> dict[str, Any]:
         """Describe it for a file, beside its key: all but the rows, where these refer to things."""
-        return {k: v for k, v in asdict(replace(self, of=None)).items() if k != "of"} if self.things else {}
+        return describe(self) if self.things else {}
 
     @classmethod
     def of_description(cls, content: Mapping[str, Any]) -> "Observation":
-        """Make it from what `describe` gave, or a file has of it, without rows."""
-        records = {field: tuple(record(**one) for one in content[field]) for field, record in cls.parts.items()}
-        made: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()} | records
-        return cls(**made)
+        """Make it from what `describe` gave, or a file has of it, without rows.
+
+        Raises:
+            TaskcalError: a field is not as its type wants it; the message names it.
+        """
+        return decode(cls, content, brief=True)
 
 
 def kinds() -> tuple[type[Observation], ...]:

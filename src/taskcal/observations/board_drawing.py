@@ -80,9 +80,9 @@ def marker_patterns(board: Board) -> Bool[np.ndarray, "markers bits bits"]:
         raise TaskcalError("the markers of a board take OpenCV: pip install 'taskcal[images]'") from error
     family = DICTIONARIES[board.dictionary]
     known = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{board.dictionary}"))
-    bits = family.bits + 2 * board.border_bits
+    bits = family.bits + 2 * board.border
     numbers = range(board.first_marker, board.first_marker + board.markers)
-    black = np.stack([known.generateImageMarker(k, bits, borderBits=board.border_bits) == 0 for k in numbers])
+    black = np.stack([known.generateImageMarker(k, bits, borderBits=board.border) == 0 for k in numbers])
     return black[:, ::-1, ::-1] if board.kind == "aprilgrid" and family.half_turn else black
 
 

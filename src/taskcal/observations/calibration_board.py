@@ -14,10 +14,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 import tomli_w
 from jaxtyping import Bool, Float, Int
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field
 
-from taskcal.errors import FileError, UnknownName, WrongValue
-from taskcal.io.toml_file import Positive, Section, explain, read_toml
+from taskcal.errors import FileError, TaskcalError, UnknownName, WrongValue
+from taskcal.io.codec import NOT_IN_FILE, InFile, decode, read_brief
+from taskcal.io.toml_file import Positive
 from taskcal.short_repr import short_repr
 
 UNMEASURED_SCALE = 5e-3
@@ -26,6 +27,9 @@ per cent; a print that was fitted to the page is off by some per cent, which onl
 
 MAX_SCALE_ERROR = 0.1
 """By which a measured length may differ from the drawn one; a print fitted to a page differs by 3 to 6 %."""
+
+LARGEST_BIG_DOT = 1.25
+"""Diameter over the distance of neighbours; from 1.41 on it would cover the middle of four."""
 
 MAX_COUNT = 200
 """Columns, or rows."""
@@ -70,38 +74,93 @@ def dictionary_name(text: str) -> str:
     return found
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ruler:
+    """What a ruler showed on the print, millimetres."""
+
+    drawn_mm: Positive = 100.0
+    """The same length in the drawing."""
+    length_mm: Positive
+    u_mm: Positive
+
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that the print is about as large as its drawing."""
+        drawn, length = stated.get("drawn_mm", Ruler.drawn_mm), stated["length_mm"]
+        if abs(length / drawn - 1.0) > MAX_SCALE_ERROR:
+            raise ValueError(
+                f"a length of {length:g} mm was drawn as {drawn:g} mm; give in drawn_mm what the same length has in the drawing"
+            )
+
+
+Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COUNT)]
+Square = Annotated[float, Field(strict=True, ge=0.5, le=1000.0, allow_inf_nan=False)]
+"""Millimetres in files: squares of boards have 1 to 200, and those in metres are below the first bound."""
+
+
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Board:
     """A plane pattern whose corners a camera finds."""
 
-    name: str = "board"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = "board"
     kind: Literal["charuco", "aprilgrid", "checkerboard", "circles", "asymmetric_circles"]
-    columns: int
+    columns: Count
     """Squares, tags, or dots in a row."""
-    rows: int
-    square_m: float
+    rows: Count
+    square_m: Annotated[Square, InFile(key="square_mm", unit="mm")]
     """As drawn, metres: edge of a square; from tag to tag; from dot to dot; of asymmetric circles from row to row."""
-    marker_m: float = 0.0
+    marker_m: Annotated[Square, InFile(key="marker_mm", unit="mm")] = 0.0
     """As drawn, metres: outer edge of a marker, with its black border; diameter of a dot; 0 on a checkerboard."""
-    dictionary: str = ""
+    dictionary: Annotated[str, InFile(read=lambda _, text: dictionary_name(text))] = ""
     """One of `DICTIONARIES`; empty without markers."""
-    first_marker: int = 0
+    first_marker: Annotated[int, Field(strict=True, ge=0, le=10_000)] = 0
     """Number of the first marker; the others follow."""
     legacy: bool = False
     """ChArUco as before OpenCV 4.6: with an even number of rows, the first square is white and has a marker."""
-    border_bits: int = 1
-    """Width of a marker's black border, in bits."""
+    border_bits: Literal[1, 2] | None = None
+    """Width of a marker's black border, in bits; None for that of the kind."""
     big_dot: tuple[int, int] | None = None
     """Column and row of the larger dot of a grid of circles, counted from 0."""
-    big_dot_m: float = 0.0
+    big_dot_m: Annotated[Square, InFile(key="big_dot_mm", unit="mm")] = 0.0
     """Its diameter, metres."""
-    scale: float = 1.0
-    """Length of the print over that of the drawing, as measured."""
-    u_scale: float = UNMEASURED_SCALE
-    """Relative standard uncertainty of it."""
-    bend_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    measured: Ruler | None = None
+    """None where nobody measured the print."""
+    bend_m: Annotated[tuple[float, float, float], NOT_IN_FILE] = (0.0, 0.0, 0.0)
     """Heights of a simulated board at `bend_terms`, metres; of a real one images tell them."""
+
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that a file states what the kind of board needs, and no more, and that it goes together."""
+        name = stated["kind"]
+        kind, columns, rows = KINDS[name], stated["columns"], stated["rows"]
+        for key in kind.needed:
+            if key not in stated:
+                raise ValueError(f"{name} needs {' and '.join(kind.needed)}; {key} is missing")
+        own = {key for one in KINDS.values() for key in (*one.needed, *one.allowed)}
+        for key in sorted((stated.keys() & own) - {*kind.needed, *kind.allowed}):
+            raise ValueError(f"{name} has no {key}; leave it out, or correct kind")
+        if min(columns, rows) < kind.smallest:
+            raise ValueError(
+                f"{columns} columns and {rows} rows are too few; {name} has {kind.smallest} or more of each"
+            )
+        _see_sizes(stated, kind)
+        _see_markers(stated)
+
+    @property
+    def scale(self) -> float:
+        """Length of the print over that of the drawing, as measured."""
+        return 1.0 if self.measured is None else self.measured.length_mm / self.measured.drawn_mm
+
+    @property
+    def u_scale(self) -> float:
+        """Relative standard uncertainty of it."""
+        return UNMEASURED_SCALE if self.measured is None else self.measured.u_mm / self.measured.length_mm
+
+    @property
+    def border(self) -> int:
+        """Width of a marker's black border, in bits."""
+        return self.border_bits or KINDS[self.kind].border_bits
 
     def corners(self) -> Float[np.ndarray, "m 3"]:
         """Corners, or centres of dots, in the board's frame, of the size that was measured, metres."""
@@ -188,6 +247,8 @@ class BoardKind:
     """Keys that a file states for it, beside its counts and `square_mm`."""
     allowed: tuple[str, ...] = ()
     """Keys that a file may state for it."""
+    border_bits: int = 1
+    """Width of its markers' black border, as usual."""
     largest_marker: float = 1.0
     """Over `square_mm`, which it does not reach."""
 
@@ -232,6 +293,7 @@ KINDS: Mapping[str, BoardKind] = MappingProxyType(
             smallest=1,
             needed=("marker_mm", "dictionary"),
             allowed=("first_marker", "border_bits"),
+            border_bits=2,
         ),
         "checkerboard": BoardKind(
             corners=_inner_corners,
@@ -259,118 +321,51 @@ KINDS: Mapping[str, BoardKind] = MappingProxyType(
 
 # Files of boards.
 
-Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COUNT)]
-Square = Annotated[float, Field(strict=True, ge=0.5, le=1000.0, allow_inf_nan=False)]
-"""Millimetres: squares of boards have 1 to 200, and those in metres are below the first bound."""
+
+def _see_sizes(stated: Mapping[str, Any], kind: BoardKind) -> None:
+    """See that markers and dots do not touch each other."""
+    largest, marker = kind.largest_marker * stated["square_mm"], stated.get("marker_mm", 0.0)
+    # the larger dot is alone between smaller ones, and leaves ground in the middle of four, by which it is measured
+    beside_others = min(2.0 * largest - marker, LARGEST_BIG_DOT * largest)
+    for key, most in (("marker_mm", largest), ("big_dot_mm", beside_others)):
+        if key in stated and stated[key] >= most:
+            raise ValueError(f"{key} = {stated[key]:g} does not fit between neighbours; it must be below {most:.4g}")
+    if ("big_dot" in stated) != ("big_dot_mm" in stated):
+        raise ValueError("give big_dot and big_dot_mm, or neither")
+    if "big_dot" not in stated:
+        return
+    (column, row), columns, rows = stated["big_dot"], stated["columns"], stated["rows"]
+    if column >= columns or row >= rows:
+        raise ValueError(
+            f"big_dot = {[column, row]} is not on the board; its column is 0 to {columns - 1}, its row 0 to {rows - 1}"
+        )
+    if stated["big_dot_mm"] <= marker:
+        raise ValueError(f"big_dot_mm = {stated['big_dot_mm']:g} is not larger than marker_mm = {marker:g}")
 
 
-class MeasuredSection(Section):
-    """What a ruler showed on the print."""
-
-    drawn_mm: Positive = 100.0
-    length_mm: Positive
-    u_mm: Positive
-
-    @model_validator(mode="after")
-    def _consistent(self) -> "MeasuredSection":
-        if abs(self.length_mm / self.drawn_mm - 1.0) > MAX_SCALE_ERROR:
-            raise ValueError(
-                f"a length of {self.length_mm:g} mm was drawn as {self.drawn_mm:g} mm; give in drawn_mm what the same length "
-                "has in the drawing"
-            )
-        return self
-
-
-class BoardSection(Section):
-    """A board of a file."""
-
-    name: str = Field(default="board", pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
-    kind: Literal["charuco", "aprilgrid", "checkerboard", "circles", "asymmetric_circles"]
-    columns: Count
-    rows: Count
-    square_mm: Square
-    marker_mm: Square | None = None
-    dictionary: str | None = None
-    first_marker: Annotated[int, Field(strict=True, ge=0, le=10_000)] = 0
-    legacy: Annotated[bool, Field(strict=True)] = False
-    border_bits: Literal[1, 2] = 2
-    big_dot: tuple[Annotated[int, Field(strict=True, ge=0)], Annotated[int, Field(strict=True, ge=0)]] | None = None
-    big_dot_mm: Square | None = None
-    measured: MeasuredSection | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> "BoardSection":
-        kind = KINDS[self.kind]
-        for key in kind.needed:
-            if getattr(self, key) is None:
-                raise ValueError(f"{self.kind} needs {' and '.join(kind.needed)}; {key} is missing")
-        own = {key for one in KINDS.values() for key in (*one.needed, *one.allowed)}
-        for key in sorted((self.model_fields_set & own) - {*kind.needed, *kind.allowed}):
-            raise ValueError(f"{self.kind} has no {key}; leave it out, or correct kind")
-        if min(self.columns, self.rows) < kind.smallest:
-            raise ValueError(
-                f"{self.columns} columns and {self.rows} rows are too few; {self.kind} has {kind.smallest} or more of each"
-            )
-        self._see_sizes(kind)
-        self._see_markers(kind)
-        return self
-
-    def _see_sizes(self, kind: BoardKind) -> None:
-        """See that markers and dots do not touch each other."""
-        largest = kind.largest_marker * self.square_mm
-        for key, value in (("marker_mm", self.marker_mm), ("big_dot_mm", self.big_dot_mm)):
-            if value is not None and value >= largest:
-                raise ValueError(f"{key} = {value:g} does not fit between neighbours; it must be below {largest:.4g}")
-        if (self.big_dot is None) != (self.big_dot_mm is None):
-            raise ValueError("give big_dot and big_dot_mm, or neither")
-        if self.big_dot is not None and (self.big_dot[0] >= self.columns or self.big_dot[1] >= self.rows):
-            raise ValueError(
-                f"big_dot = {list(self.big_dot)} is not on the board; its column is 0 to {self.columns - 1}, its row 0 to "
-                f"{self.rows - 1}"
-            )
-        if self.big_dot_mm is not None and self.marker_mm is not None and self.big_dot_mm <= self.marker_mm:
-            raise ValueError(f"big_dot_mm = {self.big_dot_mm:g} is not larger than marker_mm = {self.marker_mm:g}")
-
-    def _see_markers(self, kind: BoardKind) -> None:
-        """See that the dictionary has as many markers."""
-        if self.dictionary is None:
-            return
-        try:
-            name = dictionary_name(self.dictionary)
-        except UnknownName as error:
-            raise ValueError(f"dictionary: {error}") from error
-        last, count = self.first_marker + self.board().markers - 1, DICTIONARIES[name].size
-        if last >= count:
-            raise ValueError(
-                f"its markers have the numbers {self.first_marker} to {last}, but {name} ends at {count - 1}; take a larger "
-                "dictionary, or check columns, rows and first_marker"
-            )
-
-    def board(self) -> Board:
-        """The board it describes."""
-        found = self.measured
-        return Board(
-            name=self.name,
-            kind=self.kind,
-            columns=self.columns,
-            rows=self.rows,
-            square_m=self.square_mm * 1e-3,
-            marker_m=(self.marker_mm or 0.0) * 1e-3,
-            dictionary="" if self.dictionary is None else dictionary_name(self.dictionary),
-            first_marker=self.first_marker,
-            legacy=self.legacy,
-            border_bits=self.border_bits if self.kind == "aprilgrid" else 1,
-            big_dot=self.big_dot,
-            big_dot_m=(self.big_dot_mm or 0.0) * 1e-3,
-            scale=1.0 if found is None else found.length_mm / found.drawn_mm,
-            u_scale=UNMEASURED_SCALE if found is None else found.u_mm / found.length_mm,
+def _see_markers(stated: Mapping[str, Any]) -> None:
+    """See that the dictionary has as many markers."""
+    if "dictionary" not in stated:
+        return
+    try:
+        name = dictionary_name(stated["dictionary"])
+    except UnknownName as error:
+        raise ValueError(f"dictionary: {error}") from error
+    layout = {key: stated[key] for key in ("kind", "columns", "rows", "legacy") if key in stated}
+    first, count = stated.get("first_marker", 0), DICTIONARIES[name].size
+    last = first + Board(**layout, square_m=1.0).markers - 1
+    if last >= count:
+        raise ValueError(
+            f"its markers have the numbers {first} to {last}, but {name} ends at {count - 1}; take a larger dictionary, or check "
+            "columns, rows and first_marker"
         )
 
 
-class BoardFile(Section):
+@dataclass(frozen=True, kw_only=True)
+class BoardFile:
     """A file of boards."""
 
-    board: tuple[BoardSection, ...] = Field(min_length=1, max_length=20)
+    board: Annotated[tuple[Board, ...], Field(min_length=1, max_length=20)]
 
 
 def describe_board(keys: Mapping[str, Any]) -> Board:
@@ -380,9 +375,9 @@ def describe_board(keys: Mapping[str, Any]) -> Board:
         WrongValue: they do not describe one; the message names key and value.
     """
     try:
-        return BoardSection.model_validate(keys).board()
-    except ValidationError as error:
-        raise WrongValue(explain(error, BoardSection)) from error
+        return decode(Board, keys, brief=True)
+    except TaskcalError as error:
+        raise WrongValue(str(error)) from error
 
 
 def board_text(keys: Mapping[str, Any]) -> str:
@@ -400,7 +395,7 @@ def read_boards(path: str | Path) -> tuple[Board, ...]:
     files = sorted(path.glob("*.toml")) if path.is_dir() else [path]
     if not files:
         raise FileError(path, "has no files of boards; name a file, or a folder with files such as floor.toml")
-    boards = tuple(section.board() for file in files for section in read_toml(file, BoardFile).board)
+    boards = tuple(board for file in files for board in read_brief(file, BoardFile).board)
     for k, one in enumerate(boards):
         for other in boards[:k]:
             if one.name == other.name:

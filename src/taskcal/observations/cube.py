@@ -205,7 +205,6 @@ class Cubes(Touching):
         dict.fromkeys(("rx", "ry", "rz", "xy", "xz", "yz"), ShownUnit.of("rad"))
     )
     things: ClassVar[str] = "faces"
-    parts: ClassVar[Mapping[str, type]] = MappingProxyType({"sizes": CubeSize})
     faces: tuple[str, ...]
     """Names: that of the cube, a stroke, and the face, such as ``a/+x``."""
     sizes: tuple[CubeSize, ...]

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,11 +13,12 @@ from taskcal.errors import CampaignError, UnitError
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Links
 from taskcal.observations.base import Differential, Measured, Observation, ObservedColumns, Placed, Read, Scene, written
-from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, on_the_floor
+from taskcal.observations.instrument import NO_FIXTURES, Fixtures, Instrument, directions_across, on_the_floor
 from taskcal.observations.standalone import ROUGH_M, TIPS, Found, Search, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.options import Option
 
 FEWEST = 12
 """Lengths to an anchor, to find it without a guess."""
@@ -248,7 +250,7 @@ def _middle_half(values: Float[np.ndarray, "n ..."]) -> Float[np.ndarray, "..."]
 
 # A wire from the tool to anchors: postures in which it is long enough, short enough, and free.
 
-SHORTEST, LONGEST = 0.1, 2.0
+LENGTHS = 0.1, 2.0
 """Length of a wire by default, metres: draw-wire sensors are sold from half a metre to many; two metres are common."""
 
 ANGLE = np.radians(110.0)
@@ -272,28 +274,41 @@ class WireInstrument(Instrument):
     rows_each: ClassVar[int] = FEWEST
     kind: ClassVar[type[Observation]] = Lengths
     shares: ClassVar[tuple[str, ...]] = ("wire_scale",)
-    settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(
-            "--anchors",
-            "ANCHORS.csv",
-            "Approximate anchors: anchor, x_mm y_mm z_mm. By default three around the task.",
-            ("fixtures",),
+    fixtures: Annotated[
+        Fixtures,
+        Option(
+            metavar="ANCHORS.csv",
+            help="Approximate anchors: anchor, x_mm y_mm z_mm. By default three around the task.",
+            named="anchors",
+            kind=Path,
         ),
-        Setting(
-            "--cone-deg",
-            "DEG",
-            "largest angle between wire and tool axis (110)",
-            ("angle",),
-            float(np.radians(1.0)),
-            180.0,
+    ] = NO_FIXTURES
+    lengths: Annotated[
+        tuple[float, float],
+        Option(
+            metavar="LOW,HIGH",
+            help="lengths of the wire (100,2000)",
+            named="range",
+            unit="mm",
+            low=0.0,
+            high=1e6,
+            rising=True,
         ),
-        Setting("--range-mm", "LOW,HIGH", "lengths of the wire (100,2000)", ("shortest", "longest"), 1e-3),
-    )
-    shortest: float = SHORTEST
-    longest: float = LONGEST
-    """Lengths that the instrument measures, metres."""
-    angle: float = ANGLE
-    """Largest angle between the wire and the direction in which the tool points, radians."""
+    ] = LENGTHS
+    """The shortest and the longest, metres."""
+    angle: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="largest angle between wire and tool axis (110)",
+            named="cone",
+            unit="deg",
+            low=0.0,
+            high=180.0,
+            ends=False,
+        ),
+    ] = ANGLE
+    """From the direction in which the tool points, radians."""
     wire_scale: bool = False
     """Whether the instrument's scale is unknown."""
 
@@ -306,7 +321,7 @@ class WireInstrument(Instrument):
         stated: Mapping[str, Any],
     ) -> Fixtures:
         """Three anchors on different sides of the task, and at different heights."""
-        low, high = stated.get("shortest", SHORTEST), stated.get("longest", LONGEST)
+        low, high = stated.get("lengths", LENGTHS)
         length = float(np.clip(ANCHOR_DISTANCE_SHARE * reach, low + (high - low) / 4, (low + high) / 2))
         middle = p.mean(axis=0)
         outward, side = directions_across(middle, pointing)
@@ -333,7 +348,7 @@ class WireInstrument(Instrument):
         tip = self.tip(model, q)
         way = self.fixtures.position[of] - tip[:, :3, 3]
         length = np.linalg.norm(way, axis=1)
-        within = (length >= self.shortest) & (length <= self.longest)
+        within = (length >= self.lengths[0]) & (length <= self.lengths[1])
         steep = (way * tip[:, :3, 2]).sum(axis=1) < np.cos(self.angle) * length
         return {
             "the wire too short or too long": ~within,

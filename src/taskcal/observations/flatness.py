@@ -40,14 +40,28 @@ class Bend(NamedTuple):
     """Standard error of it."""
 
 
-def find_bend(pictures: Pictures) -> tuple[Pictures, list[Bend]]:
-    """Corners at the heights that their boards prove to have, with camera and noise beside them, and which boards these are."""
-    found: list[Bend] = []
+def find_bend(pictures: Pictures) -> tuple[Pictures, list[Bend], list[int]]:
+    """Find boards that are bent.
+
+    Returns:
+        corners at the heights that their boards prove to have, with camera and noise beside them; which boards these are; and those
+        that are taken for flat because their images do not tell: of a single tag, or ones whose bend runs away.
+    """
+    found, untold = list[Bend](), list[int]()
     for board in np.unique(pictures.board).tolist():
         own = np.flatnonzero(pictures.board == board)
+        if not _shows_bend(pictures, own):
+            untold.append(board)
+            continue
         if len(own) < FEWEST_PICTURES:
             continue
-        better = _gain(pictures, own)
+        try:
+            better = _gain(pictures, own)
+        except np.linalg.LinAlgError:
+            better = np.full(len(own), np.nan)
+        if not np.isfinite(better).all():
+            untold.append(board)
+            continue
         if better.mean() <= SURE_SIGMAS * better.std(ddof=1) / np.sqrt(len(own)):
             continue
         bent, height, error = _bent(pictures, own)
@@ -55,7 +69,14 @@ def find_bend(pictures: Pictures) -> tuple[Pictures, list[Bend]]:
             bent = weigh_corners(refine_camera(bent)[0])
         pictures = bent
         found.append(Bend(board, height, error))
-    return pictures, found
+    return pictures, found, untold
+
+
+def _shows_bend(pictures: Pictures, own: Int[np.ndarray, " n"]) -> bool:
+    """Whether the corners of a board would lie otherwise in every pose if it bent, unlike the four of a tag."""
+    plane = np.unique(pictures.corner[np.isin(pictures.of, own), :2], axis=0)
+    terms = np.column_stack([np.ones(len(plane)), plane, bend_terms(plane, plane)])
+    return bool(np.linalg.matrix_rank(terms / np.abs(terms).max(axis=0)) == terms.shape[1])
 
 
 def _gain(pictures: Pictures, own: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from taskcal.arguments import joints_checked
 from taskcal.errors import CampaignError, FileError, ReachError, shown
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import (
@@ -114,22 +115,7 @@ NO_FIXTURES = Fixtures(names=("",), position=np.zeros((1, 3)), direction=np.arra
 """For instruments whose rows refer to nothing."""
 
 
-# What an instrument lets its user state, each an option of the command line.
-
-
-class Setting(NamedTuple):
-    """An option of ``taskcal plan``, and the fields of an instrument that it gives."""
-
-    option: str
-    """Such as ``--cone-deg``."""
-    metavar: str
-    help: str
-    fields: tuple[str, ...]
-    """Two for a range; none for one that `Instrument.set_up` takes by the option's name."""
-    factor: float = 1.0
-    """To metres or radians."""
-    below: float = np.inf
-    """Limit that a number must not reach, as it is written."""
+# An instrument; what its user may state are options of its fields.
 
 
 class LookedFor(NamedTuple):
@@ -157,14 +143,13 @@ _INSTRUMENTS: dict[str, type["Instrument"]] = {}
 """Instruments by the keys of their kinds, entered as they are defined."""
 
 
+@joints_checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Instrument:
     """Instrument in a cell; a subclass states the poses in which it can measure."""
 
     kind: ClassVar[type[Observation]]
     """What it observes."""
-    settings: ClassVar[tuple[Setting, ...]] = ()
-    """What its user may state."""
     shares: ClassVar[tuple[str, ...]] = ()
     """Options of a campaign that it takes, too, by their names: ``distances``, ``wire_scale``."""
     directed: ClassVar[bool] = True
@@ -190,6 +175,7 @@ class Instrument:
     def __init_subclass__(cls) -> None:
         """Enter it for its kind."""
         super().__init_subclass__()
+        joints_checked(cls)
         if "kind" in vars(cls):
             _INSTRUMENTS[cls.kind.key] = cls
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -23,13 +24,14 @@ from taskcal.observations.base import (
     spots,
     written,
 )
-from taskcal.observations.instrument import Fixtures, Instrument, Setting, far_apart, on_the_floor
+from taskcal.observations.instrument import NO_FIXTURES, Fixtures, Instrument, far_apart, on_the_floor
 from taskcal.observations.standalone import Search, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
+from taskcal_groundwork.options import Option
 
 FEWEST = 8
 """Rows, to find the sensor on the tool without a guess."""
@@ -182,13 +184,16 @@ ASSUMED = ("a", "b", "c")
 """Landmarks where nobody states any."""
 
 
-STANDING = Setting(
-    "--landmarks",
-    "LANDMARKS.csv",
-    "Approximate landmarks or boards: landmark, x_mm y_mm z_mm, normal i j k; of images board, or camera with its line of sight. "
-    "By default in front of the task, landmarks three.",
-    ("fixtures",),
-)
+Standing = Annotated[
+    Fixtures,
+    Option(
+        metavar="LANDMARKS.csv",
+        help="Approximate landmarks or boards: landmark, x_mm y_mm z_mm, normal i j k; of images board, or camera with its line of "
+        "sight. By default in front of the task, landmarks three.",
+        named="landmarks",
+        kind=Path,
+    ),
+]
 
 
 @short_repr
@@ -197,33 +202,46 @@ class CameraInstrument(Instrument):
     """Landmarks, and a camera on the tool that looks along its z axis."""
 
     kind: ClassVar[type[Observation]] = Landmarks
-    settings: ClassVar[tuple[Setting, ...]] = (
-        STANDING,
-        Setting(
-            "--cone-deg",
-            "DEG",
-            "largest angle between a landmark's normal and the line of sight (45)",
-            ("tilt",),
-            float(np.radians(1.0)),
-            180.0,
+    fixtures: Standing = NO_FIXTURES
+    tilt: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="largest angle between a landmark's normal and the line of sight (45)",
+            named="cone",
+            unit="deg",
+            low=0.0,
+            high=180.0,
+            ends=False,
         ),
-        Setting("--range-mm", "LOW,HIGH", "measuring distances of the camera (200,600)", ("nearest", "farthest"), 1e-3),
-        Setting(
-            "--fov-deg",
-            "DEG",
-            "Full field of view of the camera (40).",
-            ("field_of_view",),
-            float(np.radians(1.0)),
-            180.0,
+    ] = TILT
+    """Radians."""
+    depths: Annotated[
+        tuple[float, float],
+        Option(
+            metavar="LOW,HIGH",
+            help="measuring distances of the camera (200,600)",
+            named="range",
+            unit="mm",
+            low=0.0,
+            high=1e6,
+            rising=True,
         ),
-    )
-    field_of_view: float = FIELD_OF_VIEW
-    """Full angle, radians."""
-    nearest: float = SIGHT_RANGE[0]
-    farthest: float = SIGHT_RANGE[1]
-    """From the camera, metres."""
-    tilt: float = TILT
-    """Largest angle between a landmark's normal and the line of sight, radians."""
+    ] = SIGHT_RANGE
+    """The nearest and the farthest, metres."""
+    field_of_view: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="Full field of view of the camera (40).",
+            named="fov",
+            unit="deg",
+            low=0.0,
+            high=180.0,
+            ends=False,
+        ),
+    ] = FIELD_OF_VIEW
+    """Radians."""
 
     @classmethod
     def arrange(
@@ -234,7 +252,7 @@ class CameraInstrument(Instrument):
         stated: Mapping[str, Any],
     ) -> Fixtures:
         """Three landmarks before the tool, as far from one another as the task has room, all facing it."""
-        distance = 0.5 * (stated.get("nearest", SIGHT_RANGE[0]) + stated.get("farthest", SIGHT_RANGE[1]))
+        distance = 0.5 * sum(stated.get("depths", SIGHT_RANGE))
         position = on_the_floor(far_apart(p, len(ASSUMED)) + distance * pointing)
         return Fixtures(names=ASSUMED, position=position, direction=np.tile(-pointing, (len(ASSUMED), 1)))
 
@@ -252,7 +270,8 @@ class CameraInstrument(Instrument):
         aim = np.stack([towards(-direction) for direction in sight])
         turned = Orientation(rotation=np.eye(3), cone=0.5 * self.field_of_view, spin=np.pi).sample(u[:, 3:])
         # the number that a turn of the cone about its own axis would use is free for the distance
-        distance = self.nearest + (self.farthest - self.nearest) * u[:, 2]
+        nearest, farthest = self.depths
+        distance = nearest + (farthest - nearest) * u[:, 2]
         position = self.fixtures.position[fixture] + distance[:, None] * sight
         return se3.pose(aim @ turned, position) @ se3.inverse(self.T_tool_tip)
 
@@ -264,7 +283,7 @@ class CameraInstrument(Instrument):
         sight = self.fixtures.position[of] - tip[:, :3, 3]
         distance = np.linalg.norm(sight, axis=1)
         edge = 1e-9
-        within = (distance >= self.nearest - edge) & (distance <= self.farthest + edge)
+        within = (distance >= self.depths[0] - edge) & (distance <= self.depths[1] + edge)
         seen = (sight * tip[:, :3, 2]).sum(axis=1) >= (np.cos(0.5 * self.field_of_view) - edge) * distance
         faces = -(sight * self.fixtures.direction[of]).sum(axis=1) >= (np.cos(self.tilt) - edge) * distance
         return {

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float, Int
 from taskcal.errors import CampaignError
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import orientations
+from taskcal.io.codec import NOT_IN_FILE
 from taskcal.kernels.projection import POSE, project
 from taskcal.kinematics.clearance import Links
 from taskcal.observations.base import (
@@ -35,8 +36,8 @@ from taskcal.observations.base import (
 from taskcal.observations.calibration_board import Board, read_boards
 from taskcal.observations.camera import DISTORTION, EXACT, FEWEST_CORNERS, KILO, LENSES, Lens, Pictures
 from taskcal.observations.camera_file import StatedCamera, read_camera
-from taskcal.observations.instrument import Fixtures, Instrument, LookedFor, Setting, far_apart, on_the_floor
-from taskcal.observations.landmark import STANDING
+from taskcal.observations.instrument import NO_FIXTURES, Fixtures, Instrument, LookedFor, far_apart, on_the_floor
+from taskcal.observations.landmark import Standing
 from taskcal.observations.pose import turn_by_rotation
 from taskcal.observations.standalone import Search, Standalone
 from taskcal.observations.views import Posed, Views, apart, join_views
@@ -46,6 +47,7 @@ from taskcal.short_repr import short_repr
 from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
+from taskcal_groundwork.options import Option
 
 FEWEST = 3
 """Pictures, to find camera and board without a guess."""
@@ -107,7 +109,7 @@ class Pixels(Standalone):
     )
     things: ClassVar[str] = "images"
     good_m: ClassVar[float] = 1e-2
-    images: tuple[str, ...] = ()
+    images: Annotated[tuple[str, ...], NOT_IN_FILE] = ()
     """Names of the images, one for each posture, that rows refer to."""
     boards: tuple[str, ...] = ()
     """Names of the boards; of none before the pictures are looked at."""
@@ -119,11 +121,11 @@ class Pixels(Standalone):
     """Of the cameras; of none before the pictures are looked at."""
     moving: tuple[str, ...] = ("camera",)
     """Cameras and boards on the wrist, as `bodies` has them, the target first; all others stand."""
-    given: tuple[StatedCamera | None, ...] = (None,)
+    given: Annotated[tuple[StatedCamera | None, ...], NOT_IN_FILE] = (None,)
     """What is known of each camera beforehand; None for nothing, and of a calibration, whose covariance has it."""
-    pictures: tuple[Pictures, ...] | None = None
+    pictures: Annotated[tuple[Pictures, ...] | None, NOT_IN_FILE] = None
     """What the images of each camera show; None of a calibration, whose own rows are not kept."""
-    start: Float[np.ndarray, " u"] | None = None
+    start: Annotated[Float[np.ndarray, " u"] | None, NOT_IN_FILE] = None
     """The unknowns as the nominal robot has them, by which pictures of one posture are weighed; None of a calibration."""
 
     @property
@@ -590,27 +592,6 @@ class Pixels(Standalone):
                 )
         return super().named_like(other, unknown)
 
-    def describe(self) -> dict[str, Any]:
-        """Cameras and boards, without pictures."""
-        return {
-            "boards": list(self.boards),
-            "u_scale": list(self.u_scale),
-            "cameras": list(self.cameras),
-            "lenses": [{k: getattr(lens, k) for k in ("model", "width", "height")} for lens in self.lenses],
-            "moving": list(self.moving),
-        }
-
-    @classmethod
-    def of_description(cls, content: Mapping[str, Any]) -> "Pixels":
-        """Make it from what `describe` gave."""
-        return cls(
-            boards=tuple(content["boards"]),
-            u_scale=tuple(map(float, content["u_scale"])),
-            cameras=tuple(content["cameras"]),
-            lenses=tuple(Lens(**lens) for lens in content["lenses"]),
-            moving=tuple(content["moving"]),
-        )
-
 
 def _roots(
     information: Float[np.ndarray, "n k k"],
@@ -729,75 +710,86 @@ class PixelInstrument(Instrument):
 
     kind: ClassVar[type[Observation]] = Pixels
     shares: ClassVar[tuple[str, ...]] = ("board", "camera")
-    settings: ClassVar[tuple[Setting, ...]] = (
-        STANDING,
-        Setting(
-            "--cone-deg",
-            "DEG",
-            "of images between a board's normal and the line of sight (60)",
-            ("tilt",),
-            float(np.radians(1.0)),
-            90.0,
-        ),
-        Setting(
-            "--range-mm",
-            "LOW,HIGH",
-            "of images the depths at which it is in focus (as the camera's file states)",
-            ("nearest", "farthest"),
-            1e-3,
-        ),
-        Setting(
-            "--in-view",
-            "SHARE",
-            "Share of a board's corners that must be in the image (0.6; without markers 1).",
-            ("in_view",),
-            1.0,
-            1.0 + 1e-9,
-        ),
-        Setting("--noise-px", "PX", "Noise of a corner in each direction, 1σ (0.15).", ("noise_px",)),
-        Setting(
-            "--place-mm",
-            "MM",
-            "Standard uncertainty of stated places of boards and camera (10).",
-            ("place_m",),
-            1e-3,
-        ),
-        Setting(
-            "--place-deg",
-            "DEG",
-            "Standard uncertainty of their stated directions (3).",
-            ("place_rad",),
-            float(np.radians(1.0)),
-            30.0,
-        ),
-        Setting(
-            "--roll-deg",
-            "DEG",
-            "Turn of the camera about its line of sight (0).",
-            ("roll",),
-            float(np.radians(1.0)),
-            360.0,
-        ),
-    )
     board: tuple[Board, ...]
     """Those that stand, as the fixtures name them; or the one on the tool."""
     camera: StatedCamera
     on_wrist: bool = True
     """Whether the camera is on the tool."""
-    nearest: float
-    farthest: float
-    """Depths of corners that are in focus, metres."""
-    tilt: float = TILT
-    """Largest angle between a board's normal and the line of sight, radians."""
-    in_view: float
-    """Share of a board's corners that must be in the picture."""
-    noise_px: float = CORNER_NOISE_PX
-    place_m: float = PLACE_M
-    """Standard uncertainty of stated places per axis, metres."""
-    place_rad: float = PLACE_RAD
-    """Of stated directions, radians."""
-    roll: float = 0.0
-    """Turn of the camera about its line of sight, radians."""
+    fixtures: Standing = NO_FIXTURES
+    tilt: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="of images between a board's normal and the line of sight (60)",
+            named="cone",
+            unit="deg",
+            low=0.0,
+            high=90.0,
+            ends=False,
+        ),
+    ] = TILT
+    """Radians."""
+    depths: Annotated[
+        tuple[float, float],
+        Option(
+            metavar="LOW,HIGH",
+            help="of images the depths at which it is in focus (as the camera's file states)",
+            named="range",
+            unit="mm",
+            low=0.0,
+            high=1e6,
+            rising=True,
+        ),
+    ]
+    """Of corners, metres."""
+    in_view: Annotated[
+        float,
+        Option(
+            metavar="SHARE",
+            help="Share of a board's corners that must be in the image (0.6; without markers 1).",
+            low=1e-6,
+            high=1.0,
+        ),
+    ]
+    noise_px: Annotated[
+        float, Option(metavar="PX", help="Noise of a corner in each direction, 1σ (0.15).", low=0.0, ends=False)
+    ] = CORNER_NOISE_PX
+    place_m: Annotated[
+        float,
+        Option(
+            metavar="MM",
+            help="Standard uncertainty of stated places of boards and camera (10).",
+            named="place",
+            unit="mm",
+            low=0.0,
+            ends=False,
+        ),
+    ] = PLACE_M
+    """Per axis, metres."""
+    place_rad: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="Standard uncertainty of their stated directions (3).",
+            named="place",
+            unit="deg",
+            low=0.0,
+            high=30.0,
+            ends=False,
+        ),
+    ] = PLACE_RAD
+    """Radians."""
+    roll: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="Turn of the camera about its line of sight (0).",
+            unit="deg",
+            low=0.0,
+            high=360.0,
+        ),
+    ] = 0.0
+    """Radians."""
     found: Float[np.ndarray, "fixtures 4 4"] | None = None
     """Where a fit has the middle of each board, or the camera, in the base; None for where the fixtures are stated."""
 
@@ -840,7 +832,7 @@ class PixelInstrument(Instrument):
         across = float(seen.numbers[0]) * KILO / seen.lens.width * long
         low, high = seen.focus or (across / FILLED[1], across / FILLED[0])
         whole = any(not one.markers for one in boards)
-        stated = {"nearest": low, "farthest": high, "in_view": 1.0 if whole else SHARE_SEEN, **stated}
+        stated = {"depths": (low, high), "in_view": 1.0 if whole else SHARE_SEEN, **stated}
         return super().set_up(model, task, T_tool_tip, fixtures, board=boards, camera=seen, on_wrist=on_wrist, **stated)
 
     @classmethod
@@ -850,7 +842,7 @@ class PixelInstrument(Instrument):
         """Boards before the tool, as far from one another as the task has room, all facing it."""
         names = tuple(board.name for board in stated["board"])
         position = far_apart(p, len(names)) if len(names) > 1 else p.mean(axis=0)[None]
-        position = on_the_floor(position + 0.5 * (stated["nearest"] + stated["farthest"]) * pointing)
+        position = on_the_floor(position + 0.5 * sum(stated["depths"]) * pointing)
         return Fixtures(names=names, position=position, direction=np.tile(-pointing, (len(names), 1)))
 
     @property
@@ -945,7 +937,8 @@ class PixelInstrument(Instrument):
     ) -> Float[np.ndarray, "n 4 4"]:
         """The middle of the board anywhere in the picture and in focus, tilted to all sides and turned at will."""
         lens, (fx, fy, cx, cy) = self.camera.lens, self.camera.numbers[:4] * KILO
-        depth = self.nearest + (self.farthest - self.nearest) * u[:, 5]
+        nearest, farthest = self.depths
+        depth = nearest + (farthest - nearest) * u[:, 5]
         x, y = (u[:, 3] * lens.width - cx) / fx, (u[:, 4] * lens.height - cy) / fy
         ray = np.stack([x, y, np.ones(len(u))], axis=1)
         aim = np.stack([towards(one) for one in ray])
@@ -974,7 +967,7 @@ class PixelInstrument(Instrument):
                 depth = (each[:, 2, :3] * at).sum(axis=1) + each[:, 2, 3]
                 with np.errstate(invalid="ignore"):
                     inside = ((found > EDGE_PX) & (found < size - EDGE_PX)).all(axis=1)
-                inside &= (depth >= self.nearest - SHARP_M) & (depth <= self.farthest + SHARP_M)
+                inside &= (depth >= self.depths[0] - SHARP_M) & (depth <= self.depths[1] + SHARP_M)
                 pixel[part, :m], seen[part, :m] = found.reshape(-1, m, 2), inside.reshape(-1, m)
         return seen, pixel
 

@@ -1,17 +1,19 @@
 """A reflector on the tool, measured by a laser tracker; and the station: where the tracker is, and what it sees."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from pydantic import Field
 
 from taskcal.arguments import checked, repeated
-from taskcal.errors import FileError, ReachError
+from taskcal.errors import ReachError
 from taskcal.geometry import se3
-from taskcal.io.toml_file import Direction, Finite, HalfTurn, NotNegative, Positive, Quaternion, Section, read_toml
+from taskcal.io.codec import InFile, read_brief
+from taskcal.io.toml_file import HalfTurn, NotNegative, Positive, Quaternion
 from taskcal.kinematics.clearance import Box, Links, beam_is_free, clear_of_boxes, clear_of_itself, place_links
 from taskcal.observations.base import Differential, Measured, Observation, TrackerNoise
 from taskcal.observations.instrument import Instrument, Measurable
@@ -58,13 +60,36 @@ TRACKER_POSE = se3.pose(se3.exp(np.array([0.02, -0.01, 2.1])), np.array([3.2, -1
 class Reflector:
     """A reflector on the tool."""
 
-    name: str
-    position: Float[np.ndarray, " 3"]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    position: Annotated[Float[np.ndarray, " 3"], InFile(unit="mm")]
     """Centre in the tool frame, metres."""
-    axis: Float[np.ndarray, " 3"] | None
+    axis: Annotated[Float[np.ndarray, " 3"], se3.DIRECTION] | None = None
     """Direction it looks in, in the tool frame; None for a reflector that is seen from everywhere."""
-    acceptance: float
+    acceptance: Annotated[HalfTurn, InFile(unit="deg"), Field(gt=0)] = float(np.radians(30.0))
     """Largest angle between its axis and the beam, radians."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StatedBox:
+    """A box in the robot's base, as people write it."""
+
+    center: Annotated[Float[np.ndarray, " 3"], InFile(unit="mm")]
+    size: Annotated[Float[np.ndarray, " 3"], InFile(unit="mm", entry=Positive)]
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    @classmethod
+    def of(cls, box: Box) -> "StatedBox":
+        """Of a box."""
+        placed = se3.StatedPose.of(box.pose)
+        return cls(center=placed.position, size=box.size, quaternion=placed.quaternion)
+
+    def box(self) -> Box:
+        """The box."""
+        placed = se3.StatedPose(position=self.center, quaternion=self.quaternion)
+        return Box(pose=placed.transform(), size=self.size)
+
+
+STATED_BOX = InFile(kind=StatedBox, write=StatedBox.of, read=lambda _, stated: stated.box())
 
 
 @checked
@@ -73,15 +98,21 @@ class Reflector:
 class Station:
     """Position of the tracker, its reflectors and obstacles."""
 
-    position: Float[np.ndarray, " 3"]
+    position: Annotated[Float[np.ndarray, " 3"], InFile(unit="mm")]
     """Of the tracker in the robot's base, metres."""
-    reach: float
+    reach: Annotated[Positive, InFile(key="reach_m")] = 30.0
     """Farthest measured distance, metres."""
-    nearest: float
+    nearest: Annotated[NotNegative, InFile(key="nearest_m")] = 0.5
     """Nearest measured distance, metres."""
-    reflectors: tuple[Reflector, ...]
-    keep_out: tuple[Box, ...]
+    reflectors: Annotated[tuple[Reflector, ...], InFile(key="reflector"), Field(min_length=1, max_length=100)]
+    keep_out: tuple[Annotated[Box, STATED_BOX], ...] = ()
     """Boxes that neither robot nor beam may enter."""
+
+    @staticmethod
+    def check_stated(stated: Mapping[str, Any]) -> None:
+        """See that each reflector has its own name."""
+        if twice := repeated(one.name for one in stated["reflector"]):
+            raise ValueError(f"two reflectors are named '{min(twice)}'; give each its own name")
 
     @property
     def T_tracker_base(self) -> Float[np.ndarray, "4 4"]:
@@ -108,58 +139,6 @@ class Station:
         return seen
 
 
-class ReflectorSection(Section):
-    """A reflector of a station file."""
-
-    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")
-    position_mm: tuple[Finite, Finite, Finite]
-    axis: Direction | None = None
-    acceptance_deg: Annotated[HalfTurn, Field(gt=0)] = 30.0
-
-    def reflector(self) -> Reflector:
-        """The reflector it describes."""
-        axis = None if self.axis is None else np.array(self.axis) / np.linalg.norm(self.axis)
-        return Reflector(
-            name=self.name,
-            position=np.array(self.position_mm) * 1e-3,
-            axis=axis,
-            acceptance=float(np.radians(self.acceptance_deg)),
-        )
-
-
-class BoxSection(Section):
-    """A box of a station file, in the robot's base."""
-
-    center_mm: tuple[Finite, Finite, Finite]
-    size_mm: tuple[Positive, Positive, Positive]
-    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
-
-    def box(self) -> Box:
-        """The box it describes."""
-        R = se3.from_quaternion(np.array(self.quaternion))
-        return Box(pose=se3.pose(R, np.array(self.center_mm) * 1e-3), size=np.array(self.size_mm) * 1e-3)
-
-
-class StationFile(Section):
-    """A station file."""
-
-    position_mm: tuple[Finite, Finite, Finite]
-    reach_m: Positive = 30.0
-    nearest_m: NotNegative = 0.5
-    reflector: tuple[ReflectorSection, ...] = Field(min_length=1, max_length=100)
-    keep_out: tuple[BoxSection, ...] = ()
-
-    def station(self) -> Station:
-        """The station it describes."""
-        return Station(
-            position=np.array(self.position_mm) * 1e-3,
-            reach=self.reach_m,
-            nearest=self.nearest_m,
-            reflectors=tuple(section.reflector() for section in self.reflector),
-            keep_out=tuple(section.box() for section in self.keep_out),
-        )
-
-
 @checked
 def load_station(path: str | Path) -> Station:
     """Read a station file.
@@ -167,12 +146,7 @@ def load_station(path: str | Path) -> Station:
     Raises:
         FileError: it is missing, no TOML, or does not describe a station.
     """
-    path = Path(path)
-    described = read_toml(path, StationFile)
-    names = [section.name for section in described.reflector]
-    if twice := repeated(names):
-        raise FileError(path, f"two reflectors are named '{min(twice)}'; give each its own name")
-    return described.station()
+    return read_brief(Path(path), Station)
 
 
 # The tracker as the instrument of a plan: poses about the task in which it sees a reflector.

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -27,7 +27,7 @@ from taskcal.observations.base import (
     refer,
     spots,
 )
-from taskcal.observations.instrument import Fixtures, Instrument, Setting, directions_across, far_apart
+from taskcal.observations.instrument import NO_FIXTURES, Fixtures, Instrument, directions_across, far_apart
 from taskcal.observations.standalone import LEAST_ERROR_M, LOCATED_WITHIN_M, Standalone
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
@@ -36,6 +36,7 @@ from taskcal.tables.table import Table
 from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
+from taskcal_groundwork.options import Option
 
 # What is known of two sockets of one block, and how the errors of several such distances go together.
 
@@ -96,7 +97,6 @@ class Sockets(Standalone):
     needed: ClassVar[tuple[str, ...]] = ("socket",)
     label: ClassVar[str] = "socket"
     each: ClassVar[tuple[str, ...]] = ("tx", "ty", "tz")
-    parts: ClassVar[Mapping[str, type]] = MappingProxyType({"distances": SocketDistance})
     resolution: ClassVar[float] = 2e-5  # how well a ball sits in a socket
     instrument: ClassVar[str] = "socket"
     stated_lengths: ClassVar[str] = "the distances of its sockets"
@@ -465,31 +465,42 @@ class SocketInstrument(Instrument):
     kind: ClassVar[type[Observation]] = Sockets
     shares: ClassVar[tuple[str, ...]] = ("distances",)
     seated: ClassVar[str] = "seated: read the joints"
-    settings: ClassVar[tuple[Setting, ...]] = (
-        Setting(
-            "--sockets",
-            "SOCKETS.csv",
-            "Approximate sockets: place, socket, x_mm y_mm z_mm in the base, i j k out of the socket (default: up). "
+    fixtures: Annotated[
+        Fixtures,
+        Option(
+            metavar="SOCKETS.csv",
+            help="Approximate sockets: place, socket, x_mm y_mm z_mm in the base, i j k out of the socket (default: up). "
             "By default a block at three places in the task workspace.",
-            ("fixtures",),
+            named="sockets",
+            kind=Path,
         ),
-        Setting(
-            "--cone-deg", "DEG", "largest angle between stem and socket (45)", ("cone",), float(np.radians(1.0)), 180.0
-        ),
-        Setting(
-            "--approach-mm",
-            "MM",
-            "Length of the approach along the socket's axis (50).",
-            ("distance",),
-            1e-3,
-        ),
-    )
+    ] = NO_FIXTURES
     distances: tuple[SocketDistance, ...] = ()
     """Stated ones between sockets."""
-    cone: float = CONE
-    """Largest angle between the stem and the socket's axis, radians."""
-    distance: float = APPROACH
-    """From which a socket is approached, metres."""
+    cone: Annotated[
+        float,
+        Option(
+            metavar="DEG",
+            help="largest angle between stem and socket (45)",
+            unit="deg",
+            low=0.0,
+            high=180.0,
+            ends=False,
+        ),
+    ] = CONE
+    """Radians."""
+    distance: Annotated[
+        float,
+        Option(
+            metavar="MM",
+            help="Length of the approach along the socket's axis (50).",
+            named="approach",
+            unit="mm",
+            low=0.0,
+            ends=False,
+        ),
+    ] = APPROACH
+    """Metres."""
 
     @classmethod
     def set_up(

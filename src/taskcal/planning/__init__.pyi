@@ -6,7 +6,7 @@ from taskcal.planning.fleet import Fleet as Fleet
 from taskcal.planning.fleet import find_fleet as find_fleet
 from taskcal.planning.fleet import identify_campaigns as identify_campaigns
 from taskcal.planning.fleet import review_fleet as review_fleet
-from taskcal.planning.plan import PlanOptions as PlanOptions
+from taskcal.planning.options import PlanOptions as PlanOptions
+from taskcal.planning.options import SelectionOptions as SelectionOptions
+from taskcal.planning.options import StudyOptions as StudyOptions
 from taskcal.planning.selection import NestedModel as NestedModel
-from taskcal.planning.selection import SelectionOptions as SelectionOptions
-from taskcal.planning.study import StudyOptions as StudyOptions

@@ -18,17 +18,19 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.arguments import joints_checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
 from taskcal.estimation.matrices import pseudo_invert_scaled
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.hyperparameters import Hyperparameters
-from taskcal.identification.identify import identify_parameters
+from taskcal.identification.identify import attempt
 from taskcal.identification.layout import Layout, frame_precision, layout_of
+from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Rows, problem_of, whitener
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import Station
-from taskcal.registration.plausibility import TARGET_WITHIN
+from taskcal.registration.options import TARGET_WITHIN
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.error_model import ErrorModel
@@ -134,10 +136,14 @@ def _costs(
     return out
 
 
+@joints_checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """Information of a campaign on the parameters, and their effect on the task, tracker frame and targets eliminated."""
+    """Which parameters the rows of a campaign are enough for: their information, and the effect on the task of what is left out.
+
+    Tracker frame and targets are eliminated. Which rows to measure an `Experiment` answers.
+    """
 
     model: ErrorModel
     information: Float[np.ndarray, "p p"]
@@ -384,7 +390,7 @@ def prior_from_campaign(
     _check_targets("campaign", campaign.targets, station)
     if station is not None:
         campaign = campaign.of_targets([r.name for r in station.reflectors])
-    fitted = identify_parameters(model, campaign, noise=noise, target_within=target_within)
+    fitted = attempt(model, campaign, FitOptions(noise=noise, target_within=target_within)).learnt().calibration
     return PlanPrior(
         hyper=known_hyperparameters(fitted, "what the campaign shows"),
         registration=register(model, campaign),

@@ -1,6 +1,5 @@
 """Information of candidate poses: whitened sensitivities in the basis to which candidates and task are sensitive."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +8,12 @@ from jaxtyping import Bool, Float, Int
 from taskcal.campaigns.campaign import Campaign, Stations, in_blocks
 from taskcal.estimation.experiment_design import Candidates
 from taskcal.estimation.matrices import invert_scaled, squared_exponential
+from taskcal.estimation.noisy_rows import NoisyRows, PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.group_model import whiteners
+from taskcal.identification.group_model import in_units
 from taskcal.identification.layout import UNOBSERVABLE_PRIOR, Layout, target_deviation
-from taskcal.identification.problem import problem_of, stated_rows, whitener
-from taskcal.observations import Observation, Point
+from taskcal.identification.problem import Problem, Rows, problem_of, stated_rows
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.instrument import Instrument, Measurable
 from taskcal.planning.expected_error import Design, PlanPrior
@@ -105,8 +104,8 @@ double in some hundred products."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Linearisation:
-    """Everything unknown, about values at which measurements are linear in it."""
+class Foreseen:
+    """What an instrument would read, about values of everything unknown: rows of a fit to measurements still to be made."""
 
     instrument: Instrument
     layout: Layout
@@ -115,28 +114,56 @@ class Linearisation:
     deviations: Float[np.ndarray, " z"]
     """Their prior standard deviations."""
     noise: TrackerNoise
-    white: float
-    """Standard deviation per axis of what geometry does not explain, where it is taken for white, metres."""
-    field: SmoothField | None
+    errors: PoseNoise
+    """What no parameter explains at a single pose, where it is taken for white."""
+    field: SmoothField | None = None
     """The rest of that, as a smooth field."""
-    turn: float = 0.0
-    """Standard deviation per axis of the error of a measured orientation beside its noise, radians."""
-    joints: Float[np.ndarray, " joints"] | None = None
-    """Variances of the error of each joint at a single pose, rad² (m² where it slides); None where nothing is known."""
 
-    def places(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 4 4"]:
-        """Poses of the targets in the measuring frame."""
+    def problem(
+        self,
+        q: Float[np.ndarray, "n joints"],
+        visible: Bool[np.ndarray, "n targets"],
+        station: Int[np.ndarray, " n"] | None = None,
+    ) -> Problem:
+        """The problem of poses in which everything is read where it is predicted.
+
+        Args:
+            q: the poses, radians.
+            visible: the targets that a tracker sees at each, or the fixture that is measured.
+            station: of the tracker at each pose; the first by default.
+        """
+        instrument, of, stations = self.instrument, visible.argmax(axis=1), self.layout.stations
         base, targets = self.layout.frames(self.about)
-        return (base @ self.layout.model.poses(q, self.layout.parameters(self.about)))[:, None] @ targets
+        T = (base @ self.layout.model.poses(q, self.layout.parameters(self.about)))[:, None] @ targets
+        seen = visible if instrument.kind.in_tracker else np.ones((len(q), len(targets)), dtype=bool)
+        there = T[..., :3, 3] if instrument.kind.in_tracker else np.zeros((len(q), len(targets), 3))
+        campaign = Campaign(
+            ids=tuple(map(str, range(len(q)))),
+            q=q,
+            targets=self.layout.targets,
+            points=np.where(seen[..., None], there, np.nan),
+            rotations=instrument.rotations(T[:, 0], of),
+            observations=tuple(instrument.observation(of, T[:, t]) for t in range(len(targets))),
+            stations=None if stations is None or station is None else replace(stations, of=station),
+        )
+        return problem_of(self.layout, campaign, self.noise)
 
-    def sensitivities(self, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray, "n targets 3 c"]:
-        """Sensitivities of the targets' places to everything unknown, in units of its prior deviation."""
-        kinds = tuple(Point() for _ in self.layout.kinds)
-        J = self._rows(self._campaign(q, kinds, self.places(q)))[0][:, :, :3]
+    def noisy(self, problem: Problem) -> NoisyRows:
+        """A problem's rows in units of the prior deviations, the field's coefficients behind them."""
+        at = problem.linearise(self.about, joints=bool(len(self.errors.joints)))
+        rows = in_units(problem, self.deviations).rows(self.about, at)
         if self.field is None:
-            return J
-        extra = self.field.columns(q)[0][:, None]
-        return np.concatenate([J, np.broadcast_to(extra, (*J.shape[:3], extra.shape[3]))], axis=3)
+            return rows
+        extra, white = self.field.columns(problem.q)
+        noise = rows.noise.copy()
+        noise[..., range(3), range(3)] += white[:, None, None]
+        beside, told = rows.beside
+        return replace(
+            rows,
+            A=np.concatenate([rows.A, at.by_tool[:, :, :3] @ extra], axis=2),
+            beside=(np.pad(beside, ((0, 0), (0, extra.shape[2]))), told),
+            noise=noise,
+        )
 
     def rows(
         self,
@@ -144,79 +171,52 @@ class Linearisation:
         visible: Bool[np.ndarray, "n targets"],
         station: Int[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, "n b c"]:
-        """Sensitivities of what is read over its noise, a block of rows for each pose; zero for targets that are not seen.
-
-        Args:
-            q: the poses, radians.
-            visible: what is seen at each.
-            station: of the tracker at each pose; the first by default.
-        """
-        campaign, J, moved = self._read(q, visible, station)
-        T, instrument, kinds = self.places(q), self.instrument, campaign.observations
-        block = instrument.kind.block()
-        noise = campaign.covariances(self.noise)[:, :, block][..., block]
-        unknowns = self.layout.unknowns(self.about)
-        by_target = np.stack(
-            [
-                kind.differentiate(T[:, t], unknown, campaign.read(t)).by_target
-                for t, (kind, unknown) in enumerate(zip(kinds, unknowns, strict=True))
-            ],
-            axis=1,
-        )
-        by_place, by_turn = by_target[..., :3], by_target[..., 3:]
-        white = np.full(len(q), self.white**2)
-        if self.field is not None:
-            extra, left = self.field.columns(q)
-            white = white + left
-            J = np.concatenate([J, by_place @ extra[:, None]], axis=3)
-        covariance = noise + white[:, None, None, None] * (by_place @ np.swapaxes(by_place, 2, 3))
-        covariance = covariance + self.turn**2 * (by_turn @ np.swapaxes(by_turn, 2, 3))
-        if instrument.kind.in_tracker:
-            J[~visible], moved[~visible] = 0.0, 0.0
-        told = self._told_of_unknowns(kinds, unknowns, J.shape[3])
-        if self.joints is None:
-            rows = (whitener(covariance) @ J).reshape(len(q), -1, J.shape[3])
-            return np.concatenate([rows, *told], axis=1)
-        # a joint that is off at a pose moves all targets that are seen there together
-        turned, w = moved[..., : len(self.joints)].reshape(len(q), -1, len(self.joints)), len(block)
-        R = (turned * self.joints) @ np.swapaxes(turned, 1, 2)
-        for t in range(J.shape[1]):
-            R[:, w * t : w * t + w, w * t : w * t + w] += covariance[:, t]
-        return np.concatenate([whiteners(R) @ J.reshape(len(q), -1, J.shape[3]), *told], axis=1)
+        """Sensitivities of what is read over its noise, a block of rows for each pose; zero for targets that are not seen."""
+        problem = self.problem(q, visible, station)
+        noisy = self.noisy(problem)
+        W = noisy.whiteners(self.errors)
+        if np.isnan(W).any():
+            raise np.linalg.LinAlgError(
+                "a covariance of what is read is not positive definite: state noise or a model error"
+            )
+        A = noisy.whitened(W)
+        read = [A[:, self._numbers(problem)]]
+        # what is told of the kinds' unknowns wherever the targets are
+        for kind, own in zip(problem.seen.kinds, self.layout.own, strict=True):
+            told = kind.told_of_unknowns(own.of(self.about))
+            if told.shape[1]:
+                read.append(np.zeros((*told.shape[:2], A.shape[2])))
+                read[-1][:, :, own.columns] = told * self.deviations[own.columns]
+        return np.concatenate(read, axis=1)
 
     def lengths(
         self, q: Float[np.ndarray, "n joints"], visible: Bool[np.ndarray, "n fixtures"]
-    ) -> Float[np.ndarray, "n targets l c"]:
+    ) -> Float[np.ndarray, "n l c"]:
         """Sensitivities of the lengths that are read, in units of the prior deviations; angles left out."""
-        kind = self.instrument.kind
-        return self._read(q, visible)[1][:, :, : kind.width - kind.angles]
+        problem, kind = self.problem(q, visible), self.instrument.kind
+        return self.noisy(problem).A[:, self._numbers(problem, kind.width - kind.angles)]
 
-    def _read(
-        self,
-        q: Float[np.ndarray, "n joints"],
-        visible: Bool[np.ndarray, "n fixtures"],
-        station: Int[np.ndarray, " n"] | None = None,
-    ) -> tuple[Campaign, Float[np.ndarray, "n targets w c"], Float[np.ndarray, "n targets w joints"]]:
-        """What is read at poses, and its sensitivities to everything and to the joints."""
-        of, T, instrument = visible.argmax(axis=1), self.places(q), self.instrument
-        kinds = tuple(instrument.observation(of, T[:, t]) for t in range(T.shape[1]))
-        campaign = self._campaign(q, kinds, T, instrument.rotations(T[:, 0], of), station)
-        J, moved = self._rows(campaign)
-        block = instrument.kind.block()
-        return campaign, J[:, :, block], moved.reshape(*J.shape[:3], -1)[:, :, block]
+    def over(self, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
+        """Weighted sensitivities of the targets' places over a task, their sum of squares the task's mean squared error.
 
-    def _told_of_unknowns(
-        self, kinds: tuple[Observation, ...], unknowns: Sequence[Float[np.ndarray, " u"]], width: int
-    ) -> list[Float[np.ndarray, "n k c"]]:
-        """Rows of what is told of the kinds' unknowns wherever the targets are."""
-        out: list[np.ndarray] = []
-        for kind, unknown, own in zip(kinds, unknowns, self.layout.own, strict=True):
-            told = kind.told_of_unknowns(unknown)
-            if told.shape[1]:
-                rows = np.zeros((*told.shape[:2], width))
-                rows[:, :, own] = told * self.deviations[own]
-                out.append(rows)
-        return out
+        Without a tracker nothing determines where the robot's base is, and no task asks: what would move all places as one rigid
+        body is left out.
+        """
+        at = Rows.of_targets(self.layout, self.about, goal.q).linearise()
+        targets = len(self.layout.targets)
+        J = at.by_entry.reshape(len(goal.q), targets, -1, len(self.about))[:, :, :3] * self.deviations
+        if self.field is not None:
+            extra = np.repeat(self.field.columns(goal.q)[0][:, None], targets, axis=1)
+            J = np.concatenate([J, extra], axis=3)
+        J = (J * np.sqrt(goal.weights / targets)[:, None, None, None]).reshape(-1, J.shape[3])
+        if self.instrument.kind.in_tracker:
+            return J
+        root = np.sqrt(goal.weights)[:, None, None]
+        position = self.instrument.tip(self.layout.model.nominal, goal.q)[:, :3, 3]
+        rigid = (se3.by_twist(position - position.mean(axis=0)) * root).reshape(3 * len(goal.q), 6)
+        Q, sizes, _ = np.linalg.svd(rigid, full_matrices=False)
+        Q = Q[:, sizes > MIN_RIGID_RATIO * sizes[0]]
+        return J - Q @ (Q.T @ J)
 
     @property
     def stated(self) -> Float[np.ndarray, "z z"]:
@@ -224,31 +224,10 @@ class Linearisation:
         J = stated_rows(self.layout, self.about, self.layout.kinds).by_entry * self.deviations
         return J.T @ J
 
-    def _campaign(
-        self,
-        q: Float[np.ndarray, "n joints"],
-        kinds: tuple[Observation, ...],
-        T: Float[np.ndarray, "n targets 4 4"],
-        rotations: Float[np.ndarray, "n 3 3"] | None = None,
-        station: Int[np.ndarray, " n"] | None = None,
-    ) -> Campaign:
-        """Something read in every posture; what it is does not matter, but where a tracker's noise depends on it."""
-        stations = self.layout.stations
-        return Campaign(
-            stations=None if stations is None or station is None else replace(stations, of=station),
-            ids=tuple(str(i) for i in range(len(q))),
-            q=q,
-            targets=self.layout.targets,
-            points=T[..., :3, 3] if self.instrument.kind.in_tracker else np.zeros((*T.shape[:2], 3)),
-            rotations=rotations,
-            observations=kinds,
-        )
-
-    def _rows(self, campaign: Campaign) -> tuple[Float[np.ndarray, "n targets b z"], Float[np.ndarray, "n m joints"]]:
-        """Sensitivities to everything, in units of its prior deviation, and to the joints."""
-        at = problem_of(self.layout, campaign, self.noise).linearise(self.about)
-        J = at.by_entry * self.deviations
-        return J.reshape(len(campaign), len(campaign.targets), -1, J.shape[2]), at.by_joint.copy()
+    def _numbers(self, problem: Problem, most: int | None = None) -> Int[np.ndarray, " m"]:
+        """Those that the instrument reads, of each target the first few, among the numbers of a pose."""
+        block, b = self.instrument.kind.block()[:most], problem.noise.shape[2]
+        return np.concatenate([t * b + np.array(block, dtype=np.int64) for t in range(len(self.layout.targets))])
 
 
 def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior, stations: int) -> Layout:
@@ -282,29 +261,14 @@ def lay_out(model: ErrorModel, instrument: Instrument, prior: PlanPrior, station
     )
 
 
-def task_rows(linear: Linearisation, goal: TaskPoses) -> Float[np.ndarray, "rows c"]:
-    """Weighted sensitivities of the targets' places over a task, their sum of squares the task's mean squared error.
-
-    Without a tracker nothing determines where the robot's base is, and no task asks: what would move all places as one rigid body
-    is left out.
-    """
-    J = linear.sensitivities(goal.q)
-    J = (J * np.sqrt(goal.weights / J.shape[1])[:, None, None, None]).reshape(-1, J.shape[3])
-    if linear.instrument.kind.in_tracker:
-        return J
-    root = np.sqrt(goal.weights)[:, None, None]
-    position = linear.instrument.tip(linear.layout.model.nominal, goal.q)[:, :3, 3]
-    rigid = (se3.by_twist(position - position.mean(axis=0)) * root).reshape(3 * len(goal.q), 6)
-    Q, sizes, _ = np.linalg.svd(rigid, full_matrices=False)
-    Q = Q[:, sizes > MIN_RIGID_RATIO * sizes[0]]
-    return J - Q @ (Q.T @ J)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
-    """Everything that turns poses into candidates of an experiment."""
+    """Which poses to measure: what their rows would tell of a model that is right, in a basis of what they or the task see.
 
-    linear: Linearisation
+    Which parameters given rows are enough for, under a model that is too small, a `Design` answers.
+    """
+
+    linear: Foreseen
     basis: Float[np.ndarray, "c d"]
     """Directions of unit prior variance that candidates or task see at all."""
     prior: Float[np.ndarray, "d d"]
@@ -395,28 +359,28 @@ def make_experiment(
     layout = calibration.layout if calibration is not None else lay_out(model, instrument, prior, stations)
     deviations = np.full(len(layout.names), FRAME_DEVIATION_M)
     deviations[: len(layout.estimated)] = hyper.deviations(model)[layout.estimated]
-    for kind, place, own in zip(layout.kinds, layout.places, layout.own, strict=True):
-        deviations[place[:3]] = target_deviation(prior.target_within)
-        deviations[own] = kind.deviations
+    for place, own in zip(layout.places, layout.own, strict=True):
+        deviations[place.columns[:3]] = target_deviation(prior.target_within)
+        deviations[own.columns] = own.deviations
     error = hyper.model_error[0]
     share = instrument.smooth_share if smooth and error > 0.0 else 0.0
     field = SmoothField.over(error * np.sqrt(share), goal.q, measurable.q.std(axis=0)) if share else None
-    linear = Linearisation(
+    turn = [hyper.model_error[1] or error / (ARM_SHARE * model.robot.reach)] if instrument.kind.angles else []
+    linear = Foreseen(
         instrument=instrument,
         layout=layout,
         about=layout.start() if calibration is None else calibration.z,
         deviations=deviations,
         noise=noise or TrackerNoise(),
-        white=error * np.sqrt(1.0 - share),
+        errors=PoseNoise.of_deviations([error * np.sqrt(1.0 - share), *turn]),
         field=field,
-        turn=(hyper.model_error[1] or error / (ARM_SHARE * model.robot.reach)) if instrument.kind.angles else 0.0,
     )
     seen = _any_seen(instrument, measurable.visible)
     # every station's frame is among the directions
     turns = np.arange(len(seen)) % (1 if layout.stations is None else len(layout.stations.names))
     rows = np.concatenate([linear.rows(measurable.q[part], seen[part], turns[part]) for part in _parts(len(seen))])
     linear = _hold_unseen_places(linear, rows)
-    J_task = task_rows(linear, goal)
+    J_task = linear.over(goal)
     basis = span(rows.reshape(-1, rows.shape[2]), J_task)
     d, z = basis.shape[1], len(layout.names)
     known = np.zeros((len(basis), len(basis)))
@@ -442,9 +406,9 @@ def _stations_of(campaign: Campaign) -> Int[np.ndarray, " n"] | None:
     return None if campaign.stations is None else campaign.stations.of
 
 
-def _hold_unseen_places(linear: Linearisation, rows: Float[np.ndarray, "n b c"]) -> Linearisation:
+def _hold_unseen_places(linear: Foreseen, rows: Float[np.ndarray, "n b c"]) -> Foreseen:
     """Hold a target where it is stated along axes of the tool of which no posture depends, as the fit does."""
-    places = np.concatenate(linear.layout.places)
+    places = np.concatenate([place.columns for place in linear.layout.places])
     unseen = places[~rows[:, :, places].any(axis=(0, 1))]
     deviations = linear.deviations.copy()
     deviations[unseen] = UNOBSERVABLE_PRIOR
@@ -515,19 +479,17 @@ def calibrated_experiments(
     scale = np.where(deviations > 0.0, deviations, 1.0)
     values, vectors = np.linalg.eigh(S / scale / scale[:, None])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    linear = Linearisation(
+    linear = Foreseen(
         instrument=instrument,
         layout=calibration.layout,
         about=calibration.z,
         deviations=scale,
         noise=noise or TrackerNoise(),
-        white=calibration.model_error[0],
-        field=None,
-        joints=np.square(calibration.joint_error),
+        errors=PoseNoise.of_deviations(calibration.model_error, calibration.joint_error),
     )
     sample = np.unique(np.linspace(0, len(measurable.q) - 1, min(SAMPLED_CANDIDATES, len(measurable.q))).astype(int))
     read = linear.lengths(measurable.q[sample], _any_seen(instrument, measurable.visible[sample]))
-    measured, task = read.reshape(-1, read.shape[3]) @ root, task_rows(linear, goal) @ root
+    measured, task = read.reshape(-1, read.shape[2]) @ root, linear.over(goal) @ root
     G = measured.T @ measured / max(np.sum(measured**2), 1e-300) + task.T @ task / max(np.sum(task**2), 1e-300)
     directions = np.linalg.eigh(G)[1][:, ::-1]
     judged, chosen = (
@@ -538,7 +500,7 @@ def calibrated_experiments(
 
 
 def _in_directions(
-    linear: Linearisation,
+    linear: Foreseen,
     root: Float[np.ndarray, "z z"],
     directions: Float[np.ndarray, "z d"],
     measured: Float[np.ndarray, "rows z"],
@@ -548,15 +510,35 @@ def _in_directions(
     in_task = task @ directions
     unseen = (np.sum(measured**2) - np.sum((measured @ directions) ** 2)) / len(measured)
     left = np.sum(task**2) - np.sum(in_task**2)
-    d = directions.shape[1]
+    d, errors = directions.shape[1], linear.errors
     return Experiment(
-        linear=replace(linear, white=float(np.sqrt(linear.white**2 + max(unseen, 0.0)))),
+        linear=replace(linear, errors=replace(errors, position=errors.position + float(max(unseen, 0.0)))),
         basis=root @ directions,
         prior=np.eye(d),
         signal=np.zeros((d, d)),
         task=in_task.T @ in_task,
         left=float(max(left, 0.0)),
     )
+
+
+def as_predicted(experiment: Experiment, calibration: Calibration, goal: TaskPoses) -> tuple[Experiment, float]:
+    """The experiment with the error over the task that the calibration states, and what errs there at single poses, metres².
+
+    The experiment knows of no growth beyond the measured range.
+
+    Args:
+        experiment: to judge plans by.
+        calibration: that is planned on.
+        goal: poses of the task.
+    """
+    everything, known = (
+        np.trace(calibration.predict_covariance(goal.q, model_error=single)[..., :3, :3], axis1=2, axis2=3).mean(axis=1)
+        for single in (True, False)
+    )
+    inside = float(goal.weights @ (known / calibration.growth_at(goal.q)))
+    growth = float(goal.weights @ known) / inside if inside else 1.0
+    grown = replace(experiment, task=growth * experiment.task, left=growth * experiment.left)
+    return grown, float(goal.weights @ (everything - known))
 
 
 def nominal_error(
@@ -579,7 +561,7 @@ def nominal_error(
     measured = [linear.rows(q, _any_seen(linear.instrument, visible), in_blocks(len(q), experiment.stations))]
     if campaign is not None:
         measured.append(linear.rows(campaign.q, campaign.valid, _stations_of(campaign)))
-    rows, J_task = np.concatenate(measured), task_rows(linear, goal)
+    rows, J_task = np.concatenate(measured), linear.over(goal)
     flat = rows.reshape(-1, rows.shape[2])
     # in units of their prior deviations
     prior = np.ones(len(linear.layout.estimated))

@@ -19,9 +19,9 @@ from taskcal.campaigns.drift import compensate_drift
 from taskcal.errors import FileError, TaskcalError
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.comparison import LEVEL, compare
-from taskcal.identification.holdout import Holdout, hold_out
-from taskcal.identification.identify import fit_nominal, identify_parameters
-from taskcal.identification.options import FitOptions
+from taskcal.identification.holdout import hold_out
+from taskcal.identification.identify import attempt, fit_nominal
+from taskcal.identification.options import FitOptions, Holdout
 from taskcal.identification.uncertainty_budget import budget_at
 from taskcal.io.files import write_whole
 from taskcal.io.json_file import note_of_edits
@@ -187,7 +187,7 @@ def _identified(model: ErrorModel, folds: int, file: SentFile) -> tuple[str, str
         followed = compensate_drift(campaign)
         campaign = replace(followed.campaign, notes=(*campaign.notes, *followed.remarks))
         return hold_out(
-            lambda rows: identify_parameters(model, rows),
+            lambda rows: attempt(model, rows, FitOptions()).learnt().with_growth(),
             campaign,
             Holdout(folds=folds),
             lambda rows: fit_nominal(model, rows, FitOptions()),
@@ -295,6 +295,7 @@ def _row(robot: str, file: str, calibration: Calibration) -> Row:
         "nominal_mm": None if nominal is None else nominal * 1e3,
         "fitted_mm": fitted * 1e3,
         "held_out_mm": None if predicted is None else predicted * 1e3,
+        "held_out_rms_mm": None if held_out is None else held_out.validation.rms * 1e3,
         "stated_mm": budget_at(calibration, calibration.q[some]).combined * 1e3,
         "verdict": _verdict(nominal, fitted, predicted),
     }
@@ -514,8 +515,8 @@ class Fleet:
         return _level(self.changes)
 
     def beyond(self, accuracy: float) -> tuple[str, ...]:
-        """Robots of whose latest calibration the rows held out are farther off, in the mean, than an accuracy, metres."""
-        errors = {robot: row["held_out_mm"] for robot, row in self.latest.items()}
+        """Robots of whose latest calibration the rows held out are farther off, 3D rms, than an accuracy, metres."""
+        errors = {robot: row["held_out_rms_mm"] for robot, row in self.latest.items()}
         return tuple(robot for robot, error in errors.items() if error is not None and error > accuracy * 1e3)
 
     def to_frame(self) -> "pd.DataFrame":

@@ -2,21 +2,19 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.arguments import checked, options_of
-from taskcal.campaigns.campaign import Campaign, in_blocks
+from taskcal.arguments import Named, by_name, checked, chosen_options
+from taskcal.campaigns.campaign import in_blocks
 from taskcal.errors import CampaignError, ReachError
-from taskcal.estimation.experiment_design import Candidates, Choice, Criterion, choose, choose_at_random
+from taskcal.estimation.experiment_design import Candidates, Choice, choose, choose_at_random
 from taskcal.estimation.matrices import single_threaded
-from taskcal.identification.calibration import Calibration
-from taskcal.identification.options import check_target_within
 from taskcal.kinematics.clearance import place_links
 from taskcal.kinematics.inverse import closes
-from taskcal.observations.base import TrackerNoise, check_lengths
+from taskcal.observations.base import check_lengths
 from taskcal.observations.instrument import BlockedPath, Instrument, Measurable, find_blocked_paths
 from taskcal.observations.point import Station, Tracker
 from taskcal.planning.expected_error import (
@@ -25,13 +23,11 @@ from taskcal.planning.expected_error import (
     prior_from_calibration,
     prior_from_campaign,
 )
-from taskcal.planning.experiment import Experiment, calibrated_experiments, make_experiment, nominal_error
+from taskcal.planning.experiment import Experiment, as_predicted, calibrated_experiments, make_experiment, nominal_error
+from taskcal.planning.options import PlanOptions
 from taskcal.planning.task_map import allow_geometry
-from taskcal.registration.plausibility import TARGET_WITHIN
-from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal.short_repr import short_repr
 from taskcal.task.task import Task, TaskPoses, enlarge, reach_task
 
 # A plan: poses to measure, and what is expected of them.
@@ -73,6 +69,9 @@ class Plan:
     """Standard deviation per axis of what geometry does not explain, with which it was chosen, metres."""
     model_error_origin: str = ""
     """Where that comes from, in words."""
+    beside: float = 0.0
+    """What else a calibration that is planned on does not tell of a single pose of the task, as it is reached: of the joints and of
+    conditions, and the model error's growth beyond the measured range; rms in space, metres."""
     instrument: Instrument = field(default_factory=Tracker)
     """What measures."""
     of: Int[np.ndarray, " count"] | None = None
@@ -95,9 +94,14 @@ class Plan:
         return in_blocks(len(self.q), self.stations)
 
     @property
+    def at_a_pose(self) -> float:
+        """What no plan lowers of the error of a single pose of the task, the model error above all; rms in space, metres."""
+        return float(np.hypot(np.sqrt(3.0) * self.model_error, self.beside))
+
+    @property
     def expected_at_a_pose(self) -> float:
         """Expected rms error in space of a single pose of the task: the prediction's, and the model error beside it, metres."""
-        return float(np.hypot(self.expected, np.sqrt(3.0) * self.model_error))
+        return float(np.hypot(self.expected, self.at_a_pose))
 
     def __repr__(self) -> str:
         return (
@@ -112,7 +116,7 @@ class Plan:
 
         None if no accuracy is stated; zero if the model error alone takes all of it.
         """
-        return allow_geometry(self.accuracy, self.model_error)
+        return allow_geometry(self.accuracy, self.at_a_pose / np.sqrt(3.0))
 
     @property
     def enough(self) -> int | None:
@@ -171,106 +175,11 @@ class Plan:
         return out
 
 
-# How poses are chosen: one frozen value.
-
-# The figures of the experiment below are of 30 poses for a machining robot of 1.9 m with a parallelogram: the expected error by
-# which poses are chosen, micrometres.
-
-CANDIDATES = 10_000
-"""Poses to choose among: 20.5 of 1000 or 3000, 20.4 of 10 000, which take a second."""
-
 GOAL_POSES = 200
 """Poses that stand for a task: with 50 to 1600 of them its sensitivity to all unknowns is the same within a thousandth."""
 
-REFINEMENTS = 2
-"""Rounds of refinement: 21.0 without, 20.7 after one, 20.4 after two, 20.0 after four, each 0.1 s."""
 
-
-class PlanChoices(TypedDict, total=False):
-    """`PlanOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "PlanOptions | None"
-    seed: int
-    station: Station | None
-    criterion: Criterion
-    campaign: Campaign | None
-    calibration: Calibration | None
-    candidates: int | Float[np.ndarray, "n joints"]
-    refine: int
-    registration: Registration | None
-    noise: TrackerNoise | None
-    model_error: float | None
-    prior_scale: float
-    progress: Callable[[str], None]
-    observe: Instrument | None
-    stations: int
-    target_within: float
-
-
-@checked
-@short_repr
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlanOptions:
-    """Options of a plan; `dataclasses.replace` gives others.
-
-    Raises:
-        WrongKind: a criterion that does not exist.
-        ValueError: a campaign and a calibration.
-    """
-
-    seed: int = 0
-    """Of the candidates and of the refinement; the same seed gives the same plan."""
-    station: Station | None = None
-    """Tracker, reflectors and keep-out boxes; without it one reflector at the TCP is always seen."""
-    criterion: Criterion = "task"
-    """``task`` for the expected task error, or D, A, E, O1–O5."""
-    campaign: Campaign | None = None
-    """Already measured, with points; the plan extends it, with its own model error and prior scale."""
-    calibration: Calibration | None = None
-    """Of the model, from points; the plan adds what lowers its uncertainty over the task the most, with its own model error
-    and prior scale. It stands for its campaign, so that only one of the two is given."""
-    candidates: int | Float[np.ndarray, "n joints"] = CANDIDATES
-    """How many poses to choose among; or the joint positions themselves, radians, which are then not refined."""
-    refine: int = REFINEMENTS
-    """Rounds of continuous refinement after the exchange."""
-    registration: Registration | None = None
-    """Where tracker and targets are, if known; a campaign or a calibration brings its own."""
-    noise: TrackerNoise | None = None
-    """The tracker's; None for the default."""
-    model_error: float | None = None
-    """Standard deviation per axis of what geometry does not explain, metres; None for that of the robot's file, or of a typical
-    robot (`model_error_of`). A campaign or a calibration brings its own."""
-    prior_scale: float = 1.0
-    """Factor of the tolerances."""
-    progress: Callable[[str], None] = lambda _: None
-    """Told what is being done."""
-    observe: Instrument | None = None
-    """The instrument and its fixtures, not a tracker; station, registration and noise are a tracker's."""
-    stations: int = 1
-    """Places that the tracker is moved to, as many poses one after another at each; the frame of each is unknown."""
-
-    target_within: float = TARGET_WITHIN
-    """As of the fit that will follow: how far a target may be from where it is stated, metres; 0.1 m (1σ) counts at most. A
-    calibration brings its own."""
-
-    def __post_init__(self) -> None:
-        check_target_within(self.target_within)
-        if self.campaign is not None and self.calibration is not None:
-            raise ValueError("give the campaign or the calibration from it; together they would count it twice")
-        if self.stations < 1 or (self.stations > 1 and (self.observe or self.campaign or self.calibration)):
-            raise ValueError(
-                f"{self.stations} stations are those of a tracker and of a plan that begins anew; give one or more, and leave out "
-                "campaign, calibration and observe"
-            )
-        check_lengths([self.instrument.kind])
-
-    @property
-    def instrument(self) -> Instrument:
-        """Instrument that measures."""
-        return self.observe or Tracker(station=self.station)
-
-
-# Poses of a plan moved a little, each to the best of some variations.
+# Poses of a plan moved a little, each to the best of some variations. The figures are those of `taskcal.planning.options`.
 
 VARIATIONS = 24
 """Tried of each pose in a round: 20.5 with 12, 20.4 with 24, 20.2 with 48."""
@@ -428,6 +337,8 @@ class PoseChoice:
     weighing: Experiment
     """To choose their poses by: what geometry does not explain is a smooth field there."""
     candidates: Candidates
+    single: float | None
+    """Of a calibration the mean square of what it does not tell of a single pose of the task (`PoseErrors`), metres²."""
 
     @classmethod
     @single_threaded
@@ -451,6 +362,9 @@ class PoseChoice:
         measurable = measurable or options.instrument.find(model, task, options.candidates, options.seed)
         prior = _prior(model, options)
         judged, weighing = _experiments(model, goal, measurable, prior, options)
+        single = None
+        if prior.calibration is not None:
+            judged, single = as_predicted(judged, prior.calibration, goal)
         return cls(
             model=model,
             task=task,
@@ -461,6 +375,7 @@ class PoseChoice:
             judged=judged,
             weighing=weighing,
             candidates=weighing.candidates(measurable),
+            single=single,
         )
 
     @single_threaded
@@ -610,6 +525,7 @@ def check_count(count: int, options: PlanOptions, targets: int) -> None:
         CampaignError: they are not, or a plan without a tracker would go on from a campaign or calibration.
     """
     instrument = options.instrument
+    check_lengths([instrument.kind])
     extends = options.campaign is not None or options.calibration is not None
     if instrument.kind.in_tracker:
         frames = 6 * options.stations + 3 * targets
@@ -631,57 +547,31 @@ def check_count(count: int, options: PlanOptions, targets: int) -> None:
         )
 
 
+@by_name(PlanOptions)
 @checked
 @single_threaded
-def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanChoices]) -> Plan:
+def plan(
+    _kind: Callable[Named, PlanOptions],
+    model: ErrorModel,
+    task: Task,
+    count: int = 60,
+    options: PlanOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
+) -> Plan:
     """Choose the poses whose measurement leaves the least expected error over the task.
 
     Args:
         model: the model to be identified.
         task: what the robot has to do.
         count: poses to measure.
-        **options: those of `PlanOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``seed``: of the candidates and of the refinement; the same seed gives the same plan.
-
-            ``station``: tracker, reflectors and keep-out boxes; without it one reflector at the TCP is always seen.
-
-            ``criterion``: ``task`` for the expected task error, or D, A, E, O1–O5.
-
-            ``campaign``: already measured, with points; the plan extends it, with its own model error and prior scale.
-
-            ``calibration``: of this model from points; the plan adds what lowers its uncertainty over the task the most, with
-            its own model error and prior scale. It stands for its campaign, so that only one of the two is given.
-
-            ``candidates``: how many poses to choose among; or the joint positions themselves, which are then not refined.
-
-            ``refine``: rounds of continuous refinement after the exchange.
-
-            ``registration``: where tracker and targets are, if known; a campaign or a calibration brings its own.
-
-            ``noise``: the tracker's.
-
-            ``model_error``: standard deviation per axis of what geometry does not explain, metres; by default that of the
-            robot's file, or of a typical robot (`model_error_of`). A campaign or a calibration brings its own.
-
-            ``prior_scale``: factor of the tolerances.
-
-            ``progress``: told what is being done.
-
-            ``observe``: the instrument and its fixtures, not a tracker, such as a `SocketInstrument`. Station, registration and
-            noise are a tracker's, and do not count then.
-
-            ``stations``: places that the tracker is moved to, as many poses one after another at each. The frame of each counts
-            as unknown; poses are chosen as for one.
-
-            ``target_within``: as of the fit that will follow, how far a target may be from where it is stated, metres. Where
-            the poses do not locate it, that is its uncertainty (1σ), 0.1 m at most. A calibration brings its own.
+        options: all at once; those that are named replace what is in them.
 
     Raises:
         ReachError: no candidate can be reached and seen, or a fixture cannot be measured.
         CampaignError: fewer poses than frames and fixtures need, or a campaign or calibration that cannot be extended.
     """
-    chosen = options_of(PlanOptions, options, "a plan")
+    chosen = chosen_options(_kind, options, *_args, **_named)
     targets = 1 if chosen.station is None else len(chosen.station.reflectors)
     check_count(count, chosen, targets)
     planning = PoseChoice.among(model, task, chosen)
@@ -690,7 +580,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
     q, visible, choice = poses.q, poses.visible, poses.choice
     instrument = chosen.instrument
     of = None if instrument.kind.in_tracker else visible.argmax(axis=1)
-    known = prior.calibration is not None
+    known, white = prior.calibration is not None, 3.0 * prior.hyper.model_error[0] ** 2
     return Plan(
         rows=tuple(int(measurable.rows[i]) for i in poses.candidate),
         q=q,
@@ -711,6 +601,7 @@ def plan(model: ErrorModel, task: Task, count: int = 60, **options: Unpack[PlanC
         stations=chosen.stations,
         model_error=prior.hyper.model_error[0],
         model_error_origin=prior.hyper.origin,
+        beside=0.0 if planning.single is None else float(np.sqrt(max(planning.single - white, 0.0))),
         blocked=() if of is None else find_blocked_paths(model.nominal, instrument, q, of),
         views={} if of is None else instrument.views(model.nominal, q, of),
     )
@@ -763,9 +654,8 @@ def describe_accuracy(plan: Plan) -> str:
         return "the task states none"
     stated, allowed = f"the task's {plan.accuracy * 1e3:g} mm", plan.geometry_allowance
     if not allowed:
-        alone = float(np.sqrt(3.0)) * plan.model_error
         return (
-            f"no number of poses meets {stated}: the model error alone leaves {alone * 1e3:.3g} mm (rms in space); "
+            f"no number of poses meets {stated}: the model error alone leaves {plan.at_a_pose * 1e3:.3g} mm (rms in space); "
             "identifying what causes it, effects above all, is worth more than poses"
         )
     if plan.enough is not None:
@@ -778,8 +668,7 @@ def describe_accuracy(plan: Plan) -> str:
 
 def _allowance(plan: Plan) -> str:
     """State the share of the accuracy that the model error of a single pose leaves to the geometry."""
-    if not plan.geometry_allowance or not plan.model_error:
+    if not plan.geometry_allowance or not plan.at_a_pose:
         return ""
-    return (
-        f", the model error of {plan.model_error * 1e3:.3g} mm per axis allows {plan.geometry_allowance * 1e3:.3g} mm"
-    )
+    error = plan.at_a_pose / np.sqrt(3.0)
+    return f", the model error of {error * 1e3:.3g} mm per axis allows {plan.geometry_allowance * 1e3:.3g} mm"

@@ -2,22 +2,23 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability, published_kept
-from taskcal.arguments import checked, options_of
+from taskcal.arguments import Named, by_name, checked, chosen_options
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, shortened
 from taskcal.estimation.matrices import pseudo_invert_scaled, single_threaded
+from taskcal.estimation.noisy_rows import PoseNoise
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.group_model import PoseNoise, whiteners
+from taskcal.identification.group_model import in_units
 from taskcal.identification.holdout import mean_over_rows, split_postures
 from taskcal.identification.hyperparameters import Hyperparameters
-from taskcal.identification.identify import identify_parameters
+from taskcal.identification.identify import attempt
 from taskcal.identification.layout import frame_precision
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import problem_of
@@ -30,47 +31,10 @@ from taskcal.planning.expected_error import (
     known_hyperparameters,
     parameter_groups,
 )
+from taskcal.planning.options import SelectionOptions
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, TaskPoses, measuring_task, reach_task
 from taskcal.virtual.cell import simulate
-
-# How parameters are chosen for a task: one frozen value.
-
-
-class SelectionChoices(TypedDict, total=False):
-    """`SelectionOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "SelectionOptions | None"
-    count: int
-    seed: int
-    folds: int
-    noise: TrackerNoise | None
-    hyperparameters: Hyperparameters | None
-    model_error: float | None
-    progress: Callable[[str], None]
-
-
-@checked
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SelectionOptions:
-    """Options of a choice of parameters; `dataclasses.replace` gives others."""
-
-    count: int = 200
-    """Poses spread over the task."""
-    seed: int = 0
-    """Of that spread, and of the folds."""
-    folds: int = 5
-    """Of the cross-validation."""
-    noise: TrackerNoise | None = None
-    """The tracker's; None for the default."""
-    hyperparameters: Hyperparameters | None = None
-    """What is known of model error and prior scale without a campaign."""
-    model_error: float | None = None
-    """Standard deviation per axis of what the complete model does not explain, metres, without a campaign and hyperparameters;
-    None for that of the robot's file, or of a typical robot (`model_error_of`)."""
-    progress: Callable[[str], None] = lambda _: None
-    """Told what is being done."""
-
 
 # Why parameters are not in a model that was chosen.
 
@@ -162,13 +126,13 @@ def left_out_errors(
         noise: the tracker's.
     """
     problem = problem_of(whole.layout, campaign, noise)
-    at = problem.linearise(whole.z)
-    W = whiteners(_pose_noise(whole).covariance(at, problem.noise))
+    at = problem.linearise(whole.z, joints=bool(whole.joint_error))
     p = len(whole.model)
     scale = np.concatenate([prior, np.full(len(whole.z) - p, FRAME_DEVIATION_M)])
-    J = at.by_entry * scale
-    y = at.residual + np.einsum("nij,j->ni", J, (whole.z - problem.layout.start()) / scale)
-    A, b = W @ J, np.einsum("nij,nj->ni", W, y)
+    rows = in_units(problem, scale).rows(whole.z, at)
+    W = rows.whiteners(PoseNoise.of_deviations(whole.model_error, whole.joint_error))
+    J, y = rows.A, rows.y
+    A, b = rows.whitened(W), np.einsum("nij,nj->ni", W, y)
     wrong = np.isin(campaign.ids, [row.id for row in whole.left_out])
     from scipy.linalg import cho_factor, cho_solve
 
@@ -190,16 +154,6 @@ def left_out_errors(
     for errors in out:
         errors[~problem.seen.valid] = np.nan
     return out
-
-
-def _pose_noise(whole: Calibration) -> PoseNoise:
-    """Pose-specific error, as the calibration found it."""
-    joints = len(whole.model.robot.joints)
-    return PoseNoise(
-        position=whole.model_error[0] ** 2,
-        rotation=whole.model_error[1] ** 2 if whole.layout.pose else None,
-        joints=np.square(whole.joint_error) if whole.joint_error else np.zeros(joints),
-    )
 
 
 MAX_ERROR_RATIO = 1.02
@@ -315,14 +269,18 @@ class Selection:
         }
 
 
+@by_name(SelectionOptions)
 @checked
 @single_threaded
 def select(
+    _kind: Callable[Named, SelectionOptions],
     model: ErrorModel,
     task: Task,
     campaign: Campaign | None = None,
     accuracy: float | None = None,
-    **options: Unpack[SelectionChoices],
+    options: SelectionOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
 ) -> Selection:
     """Choose the smallest model that serves the task.
 
@@ -334,28 +292,13 @@ def select(
         task: what the robot has to do.
         campaign: measurements, from which model error and prior scale are taken, and which cross-validate every size.
         accuracy: error in space (rms) that is enough, metres.
-        **options: those of `SelectionOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``count``: poses spread over the task.
-
-            ``seed``: of that spread, and of the folds.
-
-            ``folds``: of the cross-validation.
-
-            ``noise``: the tracker's.
-
-            ``hyperparameters``: what is known of model error and prior scale without a campaign.
-
-            ``model_error``: standard deviation per axis of what the complete model does not explain, metres, without a campaign
-            and hyperparameters; by default that of the robot's file, or of a typical robot (`model_error_of`).
-
-            ``progress``: told what is being done.
+        options: all at once; those that are named replace what is in them.
 
     Raises:
         ReachError: the robot does not reach the task.
         CampaignError: the accuracy is below what even the full model is expected to reach, or too few rows.
     """
-    chosen = options_of(SelectionOptions, options, "a selection")
+    chosen = chosen_options(_kind, options, *_args, **_named)
     chosen.progress(REACHING)
     reached = reach_task(model, task, chosen.count, chosen.seed)
     chosen.progress(DESIGNING)
@@ -408,7 +351,7 @@ def design_for(
         fit = FitOptions(noise=chosen.noise)
         if sizes is not None:
             fit = replace(fit, prior=GaussianPrior.of_deviations(sizes), prior_scale=1.0)
-        whole = identify_parameters(model, campaign, options=fit)
+        whole = attempt(model, campaign, fit).learnt().calibration
         hyper = replace(known_hyperparameters(whole, "what the campaign shows"), own=sizes)
     by = design(
         model,

@@ -10,18 +10,18 @@ explains. On real robots it is alike at neighbouring poses.
 import hashlib
 import json
 import os
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
 from taskcal.analysis.identifiability import published_kept
-from taskcal.arguments import checked, options_of
+from taskcal.arguments import Named, by_name, checked, chosen_options
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import (
     CampaignError,
@@ -30,20 +30,22 @@ from taskcal.errors import (
     FitError,
     NothingLearntError,
     TaskcalError,
-    UnknownName,
 )
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.effects import explain
-from taskcal.identification.identify import fit_nominal, identify
+from taskcal.identification.effects import select_effects
+from taskcal.identification.identify import attempt, fit_nominal
 from taskcal.identification.options import FitOptions
+from taskcal.io.codec import decode, describe
 from taskcal.io.files import write_whole
-from taskcal.io.json_file import parse_json, sealed, unseal
+from taskcal.io.json_file import SEAL, parse_json, sealed, unseal
 from taskcal.io.text_file import read_text
-from taskcal.observations.base import TrackerNoise, check_lengths
+from taskcal.io.toml_file import Ratio
+from taskcal.observations.base import TrackerNoise
 from taskcal.planning.expected_error import known_hyperparameters
-from taskcal.planning.plan import GOAL_POSES, PlanOptions, PoseChoice
+from taskcal.planning.options import PlanOptions, StudyOptions
+from taskcal.planning.plan import GOAL_POSES, PoseChoice
 from taskcal.planning.selection import select
 from taskcal.planning.task_map import allow_geometry
 from taskcal.planning.workers import side_by_side
@@ -52,86 +54,10 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import ModelError, model_error_of
 from taskcal.tables.frame import frame_of
 from taskcal.task.task import Task, enlarge, measuring_task, reach_task
-from taskcal.virtual.cell import SimulationOptions, Truth, simulate
+from taskcal.virtual.cell import Truth, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-# What a study simulates: one frozen value.
-
-PlanKind = Literal["planned", "random", "grid"]
-PLANS: tuple[PlanKind, ...] = ("planned", "random", "grid")
-MODELS = ("all", "selected", "published", "published-damped", "geometry", "auto")
-
-
-class StudyChoices(TypedDict, total=False):
-    """`StudyOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "StudyOptions | None"
-    robots: int
-    counts: Iterable[int]
-    plans: Iterable[PlanKind]
-    models: Iterable[str]
-    seed: int
-    noise: TrackerNoise | None
-    model_error: float | None
-    calibration: Calibration | None
-    observe: Iterable[str]
-    stations: int
-
-
-@checked
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StudyOptions:
-    """Options of a study; `dataclasses.replace` gives others.
-
-    Raises:
-        UnknownName: a model that does not exist.
-    """
-
-    robots: int = 200
-    """How many true robots."""
-    counts: tuple[int, ...] = (30, 60)
-    """Numbers of measured poses."""
-    plans: tuple[PlanKind, ...] = ("planned", "random")
-    """``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace."""
-    models: tuple[str, ...] = ("all",)
-    """``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped`` without prior;
-    ``geometry`` without the model's effects, or ``auto`` with those that the data prove."""
-    seed: int = 0
-    """Of everything."""
-    noise: TrackerNoise | None = None
-    """The tracker's; None for the default."""
-    model_error: float | None = None
-    """Standard deviation per axis of what no parameter explains, metres, which every robot has at every pose; None for that of
-    the robot's file, or of a typical robot (`model_error_of`)."""
-    calibration: Calibration | None = None
-    """Robots like this one, with defects and effects of the sizes that were found, and its model error."""
-    observe: tuple[str, ...] = ("tracker",)
-    """How the robots are measured, each way as `simulate` has it: ``tracker``, ``socket``, ``socket+wire`` … Where it is not by a
-    tracker alone, errors are those that are left once the work's frame and the TCP were taught with the calibrated robot,
-    and postures are drawn from the room that measuring may take about the task."""
-
-    stations: int = 1
-    """Places that the tracker is moved to, as many poses one after another at each."""
-
-    def __post_init__(self) -> None:
-        for name in self.models:
-            if name not in MODELS:
-                raise UnknownName("model", name, MODELS)
-        for observe in self.observe:
-            check_lengths(SimulationOptions(observe=observe, stations=self.stations).kinds.values())
-        if self.aligned and "planned" in self.plans:
-            raise TaskcalError(
-                "a study plans for a tracker alone; with other instruments give the plans random or grid, and see what to expect "
-                "of a plan for one of them by plan(observe=…)"
-            )
-
-    @property
-    def aligned(self) -> bool:
-        """Whether errors are those of the shape alone, the same for all instruments."""
-        return not all(SimulationOptions(observe=observe).tracked for observe in self.observe)
 
 
 # The robots of a study: how large their defects are, and what single poses add.
@@ -278,8 +204,34 @@ class StudySetting:
     stations: int = 1
 
 
-FIGURES = ("rms_mm", "max_mm", "rms_with_model_error_mm")
-"""Errors of a row; None where the campaign was not fitted."""
+@dataclass(frozen=True, kw_only=True)
+class StudyRow:
+    """What came of one robot, measured in one way at so many poses of a plan, and identified with one model."""
+
+    robot: int
+    plan: str
+    count: int
+    model: str
+    rms_mm: Ratio | None = None
+    """Error of the predicted geometry over the task; None, as the other errors, where the campaign was not fitted."""
+    max_mm: Ratio | None = None
+    rms_with_model_error_mm: Ratio | None = None
+    """Of single poses, which have the model error beside it."""
+    observe: str
+    learnt: bool = False
+    """Whether anything was, from the measurements; else the nominal robot stands for the calibrated one, with its frames found."""
+    failed: str = ""
+    """Why the campaign was not fitted, such as a fit that did not converge."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyFile:
+    """What was done of a study."""
+
+    study: str
+    """Fingerprint of its setting."""
+    robots: Mapping[str, tuple[StudyRow, ...]]
+    """Rows of each robot, by its number."""
 
 
 def try_robots(setting: StudySetting, indices: Sequence[int]) -> list[tuple[int, list[dict[str, Any]]]]:
@@ -300,18 +252,15 @@ def _try(setting: StudySetting, index: int) -> list[dict[str, Any]]:
         alone = np.random.default_rng(np.random.SeedSequence(setting.seed, spawn_key=(index, 1)))
         unexplained = robots.unexplained(truth, setting.task_q, alone)
         for name, options in setting.models.items():
-            row: dict[str, Any] = {"robot": index, "plan": kind, "count": count, "model": name}
-            learnt, failed = False, ""
+            row = StudyRow(robot=index, plan=kind, count=count, model=name, observe=observe)
             try:
                 found = _learn(robots.model, campaign, name, options)
                 # where nothing is learnt, what is left to its user is the robot as it is
                 off = _off(setting, fit_nominal(robots.model, campaign, options) if found is None else found, truth)
-                row |= _figures(setting.weights, off, off - unexplained * 1e3)
-                learnt = found is not None
+                row = replace(row, **_figures(setting.weights, off, off - unexplained * 1e3), learnt=found is not None)
             except (FitError, CampaignError, ClosureError) as error:
-                row |= dict.fromkeys(FIGURES)
-                failed = str(error)
-            rows.append(row | {"observe": observe, "learnt": learnt, "failed": failed})
+                row = replace(row, failed=str(error))
+            rows.append(describe(row))
     return rows
 
 
@@ -321,7 +270,7 @@ def _figures(
     """Errors of a row, of predictions that are so far off, millimetres, and of single poses."""
     error, alone = np.linalg.norm(off, axis=1), np.linalg.norm(single, axis=1)
     rms, at_a_pose = (float(np.sqrt(np.sum(weights * one**2))) for one in (error, alone))
-    return dict(zip(FIGURES, (rms, float(error.max()), at_a_pose), strict=True))
+    return {"rms_mm": rms, "max_mm": float(error.max()), "rms_with_model_error_mm": at_a_pose}
 
 
 def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions) -> Calibration | None:
@@ -329,9 +278,9 @@ def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions
     geometry = ErrorModel(model.robot, lengths_only=model.lengths_only)
     try:
         if name == "auto":
-            found = explain(geometry, campaign, options=options).calibration
+            found = select_effects(geometry, campaign, options=options).calibration
         else:
-            found = identify(geometry if name == "geometry" else model, campaign, options=options)
+            found = attempt(geometry if name == "geometry" else model, campaign, options).checked().calibration
     except NothingLearntError:
         return None
     return found if len(found.estimated) or options.keep == () else None
@@ -381,10 +330,8 @@ class Study:
     """Task errors of every robot, plan, number of poses and model."""
 
     rows: tuple[Mapping[str, Any], ...]
-    """One for each: robot, observe, plan, count, model; rms_mm and max_mm of the error of the predicted geometry over the task, and
-    rms_with_model_error_mm of single poses, which have the model error beside it; and whether anything was learnt from the
-    measurements, or else the nominal robot stands for the calibrated one, with its frames found; and failed: why the campaign was
-    not fitted, such as a fit that did not converge, or empty. The errors of these rows are None, and no figure counts them."""
+    """One for each robot, observe, plan, count and model, with the keys of `StudyRow`. Rows that failed are of campaigns that were
+    not fitted; no figure counts them."""
     robots: int
     seed: int
     accuracy: float | None = None
@@ -481,16 +428,19 @@ class Study:
         }
 
 
+@by_name(StudyOptions)
 @checked
 def study(
+    _kind: Callable[Named, StudyOptions],
     model: ErrorModel,
     task: Task,
-    *,
     engine: str = "loky",
     workers: int = -1,
     resume: str | Path | None = None,
     progress: Progress = lambda done, total: None,
-    **options: Unpack[StudyChoices],
+    options: StudyOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
 ) -> Study:
     """Simulate many true robots and see how accurate the task becomes.
 
@@ -501,30 +451,7 @@ def study(
         workers: how many; −1 for one per core.
         resume: a file that keeps what is done; a study that was interrupted goes on from it.
         progress: called with the robots done and their total.
-        **options: those of `StudyOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``robots``: how many true robots.
-
-            ``counts``: numbers of measured poses.
-
-            ``plans``: ``planned`` by `plan`, ``random`` or ``grid`` in the task's own workspace.
-
-            ``models``: ``all`` parameters, those ``selected`` for the task, the ``published`` ones, or ``published-damped``
-            without prior; ``geometry`` without the model's effects, or ``auto`` with those that the data prove (`explain`).
-
-            ``seed``: of everything.
-
-            ``noise``: the tracker's.
-
-            ``model_error``: standard deviation per axis of what no parameter explains, metres, which every robot has at every
-            pose; by default that of the robot's file, or of a typical robot (`model_error_of`).
-
-            ``calibration``: of this model; robots like that one, with defects and effects of the sizes that it found, and its
-            model error, in place of the tolerances.
-
-            ``observe``: how the robots are measured, each way as `simulate` has it; by a tracker by default.
-
-            ``stations``: places that the tracker is moved to, as many poses one after another at each.
+        options: all at once; those that are named replace what is in them.
 
     Raises:
         CampaignError: the calibration is of another robot or model, or has no prior.
@@ -533,7 +460,7 @@ def study(
         ReachError: the robot does not reach the task.
         FitError: not a single campaign could be fitted; where some were, `Study.failed` has the others.
     """
-    chosen = options_of(StudyOptions, options, "a study")
+    chosen = chosen_options(_kind, options, *_args, **_named)
     setting = _prepare(model, task, chosen)
     done = _read(resume, setting)
     progress(len(done), chosen.robots)
@@ -656,21 +583,14 @@ def _read(resume: str | Path | None, setting: StudySetting) -> dict[int, list[di
         return {}
     try:
         data = parse_json(read_text(resume), resume)
-        done = {int(index): [_row(row) for row in rows] for index, rows in data["robots"].items()}
-        fingerprint = data["study"]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        content = decode(StudyFile, {key: data[key] for key in data.keys() - {SEAL}})
+        done = {int(index): [describe(row) for row in rows] for index, rows in content.robots.items()}
+    except (ValueError, AttributeError, RecursionError, TaskcalError) as error:
         raise FileError(resume, "does not hold a study; name another file, or remove it") from error
     unseal(resume, data, "restore it, or remove it to start afresh")
-    if fingerprint != _fingerprint(setting):
+    if content.study != _fingerprint(setting):
         raise FileError(resume, "holds a study of other settings; name another file, or remove it to start afresh")
     return done
-
-
-def _row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row as it was written; a KeyError where it is not whole."""
-    kinds = {"robot": int, "plan": str, "count": int, "model": str, **dict.fromkeys(FIGURES, float)}
-    more = {"observe": str, "learnt": bool, "failed": str}
-    return {key: None if key in FIGURES and row["failed"] else kind(row[key]) for key, kind in (kinds | more).items()}
 
 
 def _append(path: Path, setting: StudySetting, done: Mapping[int, list[dict[str, Any]]]) -> None:

@@ -209,7 +209,7 @@ def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> Unc
     turn = calibration.T_tracker_base[:3, :3]
 
     def target(q: np.ndarray) -> np.ndarray:
-        return calibration.predict_covariance(q, model_error=False)[:, 0, :3, :3]
+        return calibration.predict_covariance(q)[:, 0, :3, :3]
 
     def per_axis(covariance: np.ndarray) -> np.ndarray:
         in_base = turn.T @ covariance[:, :3, :3] @ turn

@@ -11,6 +11,7 @@ import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FileError, TaskcalError
+from taskcal.reading.options import ReadOptions
 from taskcal.reading.reader import read_campaign
 from taskcal.robot.robot import Robot
 from taskcal.tables.parquet import count_rows, every_row, parts_of
@@ -117,11 +118,7 @@ def _full(place: Path, error: OSError) -> FileError:
 
 
 def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) -> Campaign:
-    """The campaign that a part is.
-
-    Raises:
-        FileError: it cannot be read, or has something that only all rows tell.
-    """
+    """The campaign that a part is."""
     place = folder / path.name
     try:
         place.write_bytes(content)
@@ -129,7 +126,7 @@ def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) ->
         raise _full(place, error) from error
     count = count_rows(place)
     try:
-        campaign = read_campaign(place, robot)
+        campaign = read_campaign(place, robot, options=ReadOptions(judged=False))  # of a part alone that is no answer
     except TaskcalError as error:
         said = str(error).replace(str(place), "a part")
         raise FileError(path, f"read in parts, from row {first} on: {said}") from error

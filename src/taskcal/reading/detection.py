@@ -57,6 +57,10 @@ WINDOW_SHARE, MAX_WINDOW = 0.25, 10
 the outline of a tag, where that touches it, is up to 3 pixels off."""
 
 
+DOT_SAMPLES = 41
+"""Along either side of the part of a board in which a dot is measured: 2.5 % of a square."""
+
+
 class Found(NamedTuple):
     """Corners of one board in an image."""
 
@@ -131,8 +135,7 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
                 f"has {size[1]} × {size[0]} pixels, and {first} {width} × {height}: a camera has other numbers for another size; "
                 "calibrate each by itself",
             )
-    parts = [(k, b, one) for k, (_, found, _) in enumerate(seen) for b, one in enumerate(found) if len(one.id)]
-    if not any(len(one.id) >= FEWEST_CORNERS for *_, one in parts):
+    if not any(len(one.id) >= FEWEST_CORNERS for _, found, _ in seen for one in found):
         some = [paths[k] for k in np.unique(np.linspace(0, len(paths) - 1, LOOKED_AT).astype(int))]
         raise FileError(folder, f"no board of the file is seen in {len(paths)} images{_what_else(some, boards)}")
     widths = np.array([width for *_, width in seen])
@@ -143,18 +146,25 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
         if blurred
         else []
     )
+    corners = _corners(folder.name, paths, (height, width), [found for _, found, _ in seen], boards)
+    pixel = np.round(corners.pixel, PIXEL_DECIMALS)
+    return replace(corners, pixel=pixel, folder=folder, blurred=tuple(blurred), notes=tuple(notes))
+
+
+def _corners(
+    source: str, paths: Sequence[Path], size: tuple[int, int], seen: Sequence[Sequence[Found]], boards: Sequence[Board]
+) -> Corners:
+    """Corners of boards as they were found in each image."""
+    parts = [(k, b, one) for k, found in enumerate(seen) for b, one in enumerate(found)]
     return Corners(
-        source=folder.name,
+        source=source,
         images=tuple(path.name for path in paths),
-        width=width,
-        height=height,
+        width=size[1],
+        height=size[0],
         image=np.concatenate([np.full(len(one.id), k) for k, _, one in parts]),
         board=tuple(boards[b].name for _, b, one in parts for _ in one.id),
         id=np.concatenate([one.id for *_, one in parts]),
-        pixel=np.round(np.concatenate([one.pixel for *_, one in parts]), PIXEL_DECIMALS),
-        folder=folder,
-        blurred=tuple(blurred),
-        notes=tuple(notes),
+        pixel=np.concatenate([one.pixel for *_, one in parts]),
     )
 
 
@@ -169,19 +179,8 @@ def detector(boards: Sequence[Board]) -> Callable[[Path], tuple[Corners, float]]
     finders = [_finder(board) for board in boards]
 
     def look(path: Path) -> tuple[Corners, float]:
-        (height, width), found, edge = _look(path, finders)
-        parts = list(zip(boards, found, strict=True))
-        corners = Corners(
-            source=path.name,
-            images=(path.name,),
-            width=width,
-            height=height,
-            image=np.zeros(sum(len(one.id) for one in found), dtype=int),
-            board=tuple(board.name for board, one in parts for _ in one.id),
-            id=np.concatenate([one.id for one in found]),
-            pixel=np.concatenate([one.pixel for one in found]),
-        )
-        return corners, edge
+        size, found, edge = _look(path, finders)
+        return _corners(path.name, [path], size, [found], boards), edge
 
     return look
 
@@ -281,7 +280,7 @@ def _marker_detector(dictionary: str, border_bits: int = 1) -> Any:
 
 def _tags(board: Board) -> Callable[[np.ndarray], Found]:
     cv2 = _opencv()
-    detector, own = _marker_detector(board.dictionary, board.border_bits), set(board.ids().tolist())
+    detector, own = _marker_detector(board.dictionary, board.border), set(board.ids().tolist())
     window = WINDOW_SHARE * (board.square_m - board.marker_m) / board.marker_m
     until = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3
 
@@ -310,46 +309,91 @@ def _checkerboard(board: Board) -> Callable[[np.ndarray], Found]:
         if not there:
             return NOTHING
         pixel = pixel.reshape(-1, 2).astype(float)
-        # OpenCV may begin at the wrong end of a board whose ends differ in colour
-        first, last = (_shade_within(image, p, board.columns - 1) for p in (pixel, pixel[::-1]))
-        turned = not board.same_after_half_turn and (first < last) != bool(board.black_squares()[1, 1])
-        return Found(board.ids(), pixel[::-1] if turned else pixel)
+        # OpenCV may begin at any end of a board whose ends differ in colour
+        black = bool(board.black_squares()[1, 1])
+        turned = (pixel[order] for order in _turns(*size))
+        fitting = (one for one in turned if black == (_shade(image, one, size[0], 0) < _shade(image, one, size[0], 1)))
+        return Found(board.ids(), next(fitting, pixel))
 
     return find
 
 
-def _shade_within(image: np.ndarray, pixel: Float[np.ndarray, "c 2"], columns: int) -> float:
-    """Shade in the middle of the square between the first four corners."""
-    u, v = np.rint(pixel[[0, 1, columns, columns + 1]].mean(axis=0)).astype(int)
+def _turns(columns: int, rows: int) -> list[Int[np.ndarray, " c"]]:
+    """Orders in which points of a grid come that is turned: by half a turn, and a square one by quarters."""
+    grid = np.arange(columns * rows).reshape(rows, columns)
+    return [np.rot90(grid, quarters).reshape(-1) for quarters in (range(4) if columns == rows else (0, 2))]
+
+
+def _shade(image: np.ndarray, pixel: Float[np.ndarray, "c 2"], columns: int, first: int) -> float:
+    """Shade in the middle of the square behind a corner."""
+    u, v = np.rint(pixel[first + np.array([0, 1, columns, columns + 1])].mean(axis=0)).astype(int)
     return float(image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].mean())
 
 
 def _circles(board: Board) -> Callable[[np.ndarray], Found]:
     cv2 = _opencv()
-    form = cv2.CALIB_CB_ASYMMETRIC_GRID if board.kind == "asymmetric_circles" else cv2.CALIB_CB_SYMMETRIC_GRID
+    staggered = board.kind == "asymmetric_circles"
+    form = cv2.CALIB_CB_ASYMMETRIC_GRID if staggered else cv2.CALIB_CB_SYMMETRIC_GRID
+    orders = _staggered_orders(board.columns, board.rows) if staggered else _turns(board.columns, board.rows)
+    told = board.big_dot is not None and not board.same_after_half_turn
 
     def find(image: np.ndarray) -> Found:
-        there, pixel = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=form | cv2.CALIB_CB_CLUSTERING)
-        if not there:
-            return NOTHING
-        pixel = pixel.reshape(-1, 2).astype(float)
-        if board.big_dot is not None and not board.same_after_half_turn:
-            own = board.big_dot[1] * board.columns + board.big_dot[0]
-            area = [_dot_area(image, u, v) for u, v in pixel[[own, len(pixel) - 1 - own]]]
-            pixel = pixel if area[0] >= area[1] else pixel[::-1]
-        return Found(board.ids(), pixel)
+        for flags in (form | cv2.CALIB_CB_CLUSTERING, form):  # each finds boards that the other does not
+            there, pixel = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=flags)
+            for order in orders if there else ():
+                found = pixel.reshape(-1, 2).astype(float)[order]
+                if _is_in_order(board, found) and (not told or _has_big_dot(board, image, found)):
+                    return Found(board.ids(), found)
+        return NOTHING
 
     return find
 
 
-def _dot_area(image: np.ndarray, u: float, v: float) -> int:
-    """Pixels of the dot about a point that are nearer to its shade than to that of the surroundings."""
+def _staggered_orders(columns: int, rows: int) -> list[Int[np.ndarray, " c"]]:
+    """Orders in which staggered dots come, as they are and, of an even number of rows, turned by half a turn.
+
+    Of an even number of rows OpenCV exchanges the rows of each pair.
+    """
+    grid = np.arange(columns * rows)
+    if rows % 2:
+        return [grid]
+    exchanged = grid.reshape(-1, 2, columns)[:, ::-1].reshape(-1)
+    return [grid, grid[::-1], exchanged, exchanged[::-1]]
+
+
+def _is_in_order(board: Board, pixel: Float[np.ndarray, "c 2"]) -> bool:
+    """Whether rows follow one another to one side of their own direction, as on the board, which no lens changes."""
+    at = pixel.reshape(board.rows, board.columns, 2)
+    along, down = np.diff(at, axis=1)[:-1], np.diff(at, axis=0)[:, :-1]
+    return bool((along[..., 0] * down[..., 1] - along[..., 1] * down[..., 0] > 0.0).all())
+
+
+def _has_big_dot(board: Board, image: np.ndarray, pixel: Float[np.ndarray, "c 2"]) -> bool:
+    """Whether the dot that is stated to be larger is, alone, by half as much as is stated or more."""
+    assert board.big_dot is not None
+    column, row = board.big_dot
+    sizes = _dot_sizes(board, image, pixel)
+    least = 0.5 * (1.0 + board.big_dot_m / board.marker_m) * np.median(sizes)
+    return np.flatnonzero(sizes >= least).tolist() == [row * board.columns + column]
+
+
+def _dot_sizes(board: Board, image: np.ndarray, pixel: Float[np.ndarray, "c 2"]) -> Float[np.ndarray, " c"]:
+    """Diameters of dots as they are on the board, in its squares: what perspective does to them is taken away.
+
+    Each is measured in the part of the board that is nearer to it than to the other dots; the corners of that part are ground.
+    """
     cv2 = _opencv()
-    level = (float(image.min()) + float(image.max())) / 2.0
-    dark = (image < level).astype(np.uint8)
-    seed = min(max(round(v), 0), image.shape[0] - 1), min(max(round(u), 0), image.shape[1] - 1)
-    _, labels = cv2.connectedComponents(dark if dark[seed] else 1 - dark)
-    return int((labels == labels[seed]).sum())
+    H, _ = cv2.findHomography(board.drawn_corners() / board.square_m, pixel)
+    axes = np.array([[1.0, 1.0], [1.0, -1.0]]) if board.kind == "asymmetric_circles" else np.eye(2)
+    across = np.linspace(-0.5, 0.5, DOT_SAMPLES)
+    part = np.stack(np.meshgrid(across, across), axis=-1) @ axes
+    centre = cv2.perspectiveTransform(pixel[:, None], np.linalg.inv(H))
+    at = cv2.perspectiveTransform((centre + part.reshape(1, -1, 2)).reshape(1, -1, 2), H)
+    seen = cv2.remap(image, at.reshape(len(pixel), -1, 2).astype(np.float32), None, cv2.INTER_LINEAR).astype(float)
+    middle = seen[:, [len(seen[0]) // 2]]
+    ground = np.median(seen[:, [0, DOT_SAMPLES - 1, -DOT_SAMPLES, -1]], axis=1, keepdims=True)
+    share = (np.abs(seen - middle) < np.abs(seen - ground)).mean(axis=1)
+    return np.sqrt(4.0 / np.pi * share * abs(np.linalg.det(axes)))
 
 
 # Boards that are not found: what the images show instead.

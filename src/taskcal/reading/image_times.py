@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.errors import FileError, shown
+from taskcal.reading.columns import find_word, split_unit
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_table
-from taskcal.tables.table import Table
+from taskcal.tables.table import TIMES, Table
 
 OF_NAMES, OF_EXIF = "names", "exif"
 """In place of a file of times: each image has its own, in its name or, as cameras write it, inside the file."""
@@ -27,10 +28,8 @@ STILL_RAD, STILL_M = np.radians(0.01), 2e-5
 """Range of a joint that stands: encoders and their control flicker by a few thousandths of a degree, and 0.01° of the first axis
 are 0.17 mm at 1 m."""
 
-_COLUMN = re.compile(
-    r"(?:time|t|zeit|stamp|time[ _]?stamp)(?:[ _]*[\[(]?(?P<unit>s|sec|ms|us|µs|ns)[\])]?)?", re.IGNORECASE
-)
-_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNITS = {**TIMES, "sec": 1.0, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
+"""Of times of clocks, seconds: cameras count microseconds, and ROS nanoseconds."""
 
 _UNIX = re.compile(r"(?<!\d)(?P<whole>\d{10})(?:[._](?P<part>\d{1,9})|(?P<more>\d{3}|\d{6}|\d{9}))?(?!\d)")
 """Seconds since 1970 with a fraction behind a point, or milli-, micro- or nanoseconds."""
@@ -123,12 +122,14 @@ def times_of(table: Table) -> Times:
     Raises:
         FileError: there is none, or a cell is no time.
     """
-    found = [(name, match) for name in table.header if (match := _COLUMN.fullmatch(name.strip()))]
+    parted = [(name, *split_unit(name)) for name in table.header]
+    found = [(name, unit, word[1]) for name, text, unit in parted if (word := find_word(text, "clock"))]
+    found = [(name, unit or match["unit"] or "s") for name, unit, match in found if unit is None or unit in TIMES]
     if not found:
         raise FileError(
             table.path, "has no column of times, by which images are paired: name it time_s, or stamp for dates", line=1
         )
-    name, match = found[0]
+    name, unit = found[0]
     texts = table.texts(name)
     if any(re.search(r"\d[-:T]\d", text) for text in texts):
         stamps = [stamp_of(text) if _DATE.fullmatch(text.strip()) else None for text in texts]
@@ -141,7 +142,7 @@ def times_of(table: Table) -> Times:
             seconds=np.array([one.seconds for one in dates]),
             unsure=min(one.unsure for one in dates),  # some programs leave the fraction out where it is zero
         )
-    seconds = _UNITS[(match["unit"] or "s").lower()] * table.numbers(name, largest=np.inf)
+    seconds = _UNITS[unit] * table.numbers(name, largest=np.inf)
     return Times(column=name, seconds=seconds, unsure=float((seconds == np.floor(seconds)).all()))
 
 
@@ -163,7 +164,10 @@ def image_times(images: Sequence[str], stated: str | Path, folder: Path | None =
         elif folder is None:
             raise ValueError("times inside images need these; give the folder of the images, not their corners")
         else:
-            found = [_exif_of(folder / name) for name in images]
+            found = list[Stamp | None]()
+            for name in images:
+                with (folder / name).open("rb") as file:
+                    found.append(exif_stamp(file.read(EXIF_WITHIN)))
         stamps = [one for one in found if one is not None]
         missing = [name for name, one in zip(images, found, strict=True) if one is None]
         if missing and str(stated) == OF_EXIF:
@@ -188,11 +192,6 @@ def image_times(images: Sequence[str], stated: str | Path, folder: Path | None =
     if missing:
         raise ValueError(f"{table.path.name} has no image {shown(missing[0])}, and {len(missing) - 1} others")
     return [known[Path(name).stem.casefold()] for name in images]
-
-
-def _exif_of(path: Path) -> Stamp | None:
-    with path.open("rb") as file:
-        return exif_stamp(file.read(EXIF_WITHIN))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

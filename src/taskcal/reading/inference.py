@@ -16,9 +16,11 @@ from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import Moments, closed_form, closed_form_rotations
 from taskcal.reading.columns import MAX_COORDINATE_M, StatedUnits, stated_units
+from taskcal.reading.joints import COUNTS_OF_A_DEGREE, within_limits
 from taskcal.reading.readings import Readings
 from taskcal.reading.rows import split_names
 from taskcal.registration.registration import register
+from taskcal.registration.rotations import MAX_MISFIT_RAD, MIN_POSES
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.tables.table import ANGLES, LENGTHS, PLURALS
@@ -109,10 +111,8 @@ def _clearly_best(
 def _unit_misfit(robot: Robot, q: np.ndarray, points: np.ndarray, angle: str, length: str) -> float:
     """Root mean square misfit of the nominal robot, over the scatter of the points; infinite where it cannot be registered."""
     scaled = points * LENGTHS[length]
-    ids = tuple(map(str, range(len(q))))
-    campaign = Campaign(ids=ids, q=_in_radians(robot, q, angle), targets=("tool",), points=scaled[:, None])
     try:
-        return register(ErrorModel(robot), campaign).rms / _scatter(scaled)
+        return register(ErrorModel(robot), _campaign(_in_radians(robot, q, angle), scaled)).rms / _scatter(scaled)
     except TaskcalError:
         return np.inf
 
@@ -124,9 +124,9 @@ def _in_radians(robot: Robot, q: np.ndarray, unit: str) -> np.ndarray:
 def _possible(robot: Robot, q: np.ndarray, unit: str) -> bool:
     """Whether no joint turns further than its limits, or two turns."""
     turned = _in_radians(robot, q, unit)
-    return bool((np.abs(turned[:, ~np.array(robot.prismatic)]) <= MAX_JOINT_RAD).all()) and not robot.outside_limits(
-        turned
-    )
+    if (np.abs(turned[:, ~np.array(robot.prismatic)]) > MAX_JOINT_RAD).any():
+        return False
+    return not robot.outside_limits(within_limits(robot, turned)[0])
 
 
 def _scatter(points: np.ndarray) -> float:
@@ -209,9 +209,12 @@ def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
     """
     if readings.joint_unit_stated and readings.length_unit_stated:
         return readings
-    if readings.q is None:
-        return _with_length(readings, robot)
     points = next(iter(readings.points.values()), None)
+    if readings.q is None and points is not None:
+        if (unit := infer_length(robot, points)) is None:
+            raise readings.points_error(_unit_of_points([("", "mm"), ("", "m")]), column="x")
+        return _scaled(readings, robot, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
+    assert readings.q is not None
     angle = "rad" if readings.joint_unit_stated else None
     length = "m" if readings.length_unit_stated else None
     fitting = infer_units(robot, readings.q, angle, points, length)
@@ -219,6 +222,13 @@ def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
     if not readings.joint_unit_stated and len(angles) != 1:
         column = readings.joint_columns[int(np.argmin(robot.prismatic))]
         message = f"the unit is not stated; name the column {column}_deg or {column}_rad"
+        if not angles and (outside := robot.outside_limits(_in_radians(robot, readings.q, "deg"))):
+            message = (
+                f"the unit is not stated, and as degrees {outside[0][1]}, as radians all the more; name the column {column}_deg or "
+                f"{column}_rad and look at the joints' signs and order, or, if they are counts of an encoder, {COUNTS_OF_A_DEGREE}"
+            )
+        elif np.abs(readings.q[:, ~np.array(robot.prismatic)]).max() <= 1.0:
+            message += ", or multiply turns by 360"
         raise FileError(readings.path, message, line=1, column=column)
     if not fitting and points is not None and angles == {"deg"} and not readings.joint_unit_stated:
         _refuse_small_angles(readings, robot, readings.q)
@@ -235,11 +245,7 @@ def with_inferred_units(readings: Readings, robot: Robot) -> Readings:
 
 
 def _unit_of_each(readings: Readings, robot: Robot, first: str) -> dict[str, str]:
-    """The unit of each target's positions, by its own motion, or that of the first where it does not move.
-
-    Raises:
-        FileError: a target moves, but in no unit as far as the robot.
-    """
+    """The unit of each target's positions, by its own motion, or that of the first where it does not move."""
     assert readings.q is not None
     out: dict[str, str] = {}
     for name, points in readings.points.items():
@@ -266,20 +272,8 @@ def _refuse_small_angles(readings: Readings, robot: Robot, q: np.ndarray) -> Non
     raise FileError(readings.path, message, line=int(readings.lines[row]), column=column)
 
 
-def _with_length(readings: Readings, robot: Robot) -> Readings:
-    """Points alone in metres, by the robot's reach."""
-    unit = infer_length(robot, next(iter(readings.points.values())))
-    if unit is None:
-        raise readings.points_error(_unit_of_points([("", "mm"), ("", "m")]), column="x")
-    return _scaled(readings, robot, dict.fromkeys(readings.points, unit), f"by the reach of {robot.name}")
-
-
 def _scaled(readings: Readings, robot: Robot, units: Mapping[str, str], why: str) -> Readings:
-    """Readings whose positions are in a unit for each target, in metres.
-
-    Raises:
-        FileError: units differ, and an uncertainty without one is of all targets; a position is beyond any robot.
-    """
+    """Readings whose positions are in a unit for each target, in metres."""
     several = len(set(units.values())) > 1
     if several and "" in readings.uncertainty.keys() - readings.uncertainty_stated:
         raise readings.points_error("the unit of the uncertainty is not stated; name its column u_mm")
@@ -336,27 +330,30 @@ def pair(joints: Readings, points: Readings, robot: Robot) -> Readings:
     if joints.q is None and points.q is not None:
         joints, points = points, joints
     if joints.q is None or points.q is not None or not points.points:
-        raise FileError(points.path, f"{_lacking(joints, points)}; one must hold joints, the other points")
+        lacking = "both files hold joints" if points.q is not None else "neither file holds points"
+        lacking = "neither file holds joints" if joints.q is None else lacking
+        raise FileError(points.path, f"{lacking}; one must hold joints, the other points")
     points = _with_poses_of(joints, points)
     rows, note = _rows(joints, points, robot)
     mine, others = joints.take(rows[:, 0]), points.take(rows[:, 1])
     return replace(
         mine,
+        **{name: getattr(others, name) for name in _OF_POINTS},
         ids=mine.ids or others.ids,
-        points=others.points,
-        length_unit_stated=others.length_unit_stated,
-        uncertainty=others.uncertainty,
-        uncertainty_stated=others.uncertainty_stated,
-        rotations=others.rotations,
-        open_angles=others.open_angles,
         left_lengths=(*mine.left_lengths, *others.left_lengths),
         temperature=others.temperature if mine.temperature is None else mine.temperature,
         time=others.time if mine.time is None else mine.time,
-        targets_by_row=others.targets_by_row,
         points_path=others.path,
         point_lines=others.lines,
         notes=(*mine.notes, *others.notes, note),
+        acted=mine.acted | others.acted,
     )
+
+
+_OF_POINTS = (
+    "points", "length_unit_stated", "uncertainty", "uncertainty_stated", "rotations", "open_angles", "targets_by_row",
+)  # fmt: skip
+"""What the file of the points states alone."""
 
 
 def _with_poses_of(joints: Readings, points: Readings) -> Readings:
@@ -368,13 +365,6 @@ def _with_poses_of(joints: Readings, points: Readings) -> Readings:
         return points
     note = f"ids such as '{points.ids[0]}' are read as pose '{split[0][0]}' and target '{split[1][0]}'"
     return replace(points, ids=split[0], targets_by_row=split[1]).noted(note)
-
-
-def _lacking(joints: Readings, points: Readings) -> str:
-    """Why two files are no joints and points."""
-    if joints.q is None:
-        return "neither file holds joints"
-    return "both files hold joints" if points.q is not None else "neither file holds points"
 
 
 def _rows(joints: Readings, points: Readings, robot: Robot) -> tuple[Int[np.ndarray, "pairs 2"], str]:
@@ -439,7 +429,9 @@ def _agreement(joints: Readings, points: Readings, robot: Robot) -> str:
     least = min(misfits, default=0.0)
     if least < MAX_MISFIT_SHARE * robot.reach:
         return ""
-    return f"; the nominal robot misses them by {least * 1e3:.0f} mm: if their order differs, give both files ids"
+    return (
+        f"; the nominal robot misses them by {least * 1e3:.0f} mm: if their order differs, {_with_ids(joints, points)}"
+    )
 
 
 def _by_geometry(joints: Readings, points: Readings, robot: Robot) -> tuple[np.ndarray, str]:
@@ -461,18 +453,35 @@ def _by_geometry(joints: Readings, points: Readings, robot: Robot) -> tuple[np.n
         None,
     )
     if meeting is None:
-        raise FileError(points.path, f"{counts}, and no {WINDOW} successive rows fit together; give both files ids")
+        raise FileError(
+            points.path, f"{counts}, and no {WINDOW} successive rows fit together; {_with_ids(joints, points)}"
+        )
     q, scaled, start, other = meeting
     rows = _in_order(model, q, scaled, start, other)
     share = len(rows) / min(len(q), len(scaled))
     if share < MIN_SHARE:
         raise FileError(
-            points.path, f"{counts}, and only {share:.0%} of them fit together in order; give both files ids"
+            points.path, f"{counts}, and only {share:.0%} of them fit together in order; {_with_ids(joints, points)}"
         )
     return (
         rows,
         f"rows of both files are paired by geometry: {len(rows)} fit together, {share:.0%} of the shorter file ({counts})",
     )
+
+
+def _with_ids(joints: Readings, points: Readings) -> str:
+    """What would pair two files, in words; of logs with times that they are not paired by these."""
+    if not all(one.time is not None or _LEFT_TIMES.search("\n".join(one.notes)) for one in (joints, points)):
+        return "give both files ids"
+    return (
+        "both are logs with times, which do not pair them: keep one row of each pose at rest in both, and give it an id"
+    )
+
+
+_LEFT_TIMES = re.compile(
+    r"columns? left out: .*\b(?:date|time|timestamp|datum|zeit|uhrzeit|zeitstempel)", re.IGNORECASE
+)
+"""A note on a column of clock times that was left out."""
 
 
 def _windows(joints: int, points: int) -> list[tuple[int, int]]:
@@ -491,11 +500,7 @@ def _in_si(
     assert joints.q is not None
     angles = [unit for unit, _ in infer_units(robot, joints.q, "rad" if joints.joint_unit_stated else None, None, None)]
     lengths = ["m"] if points.length_unit_stated else [*LIKELY_UNITS]
-    return [
-        (np.where(robot.prismatic, joints.q, joints.q * ANGLES[angle]), measured * LENGTHS[length])
-        for angle in angles
-        for length in lengths
-    ]
+    return [(_in_radians(robot, joints.q, angle), measured * LENGTHS[length]) for angle in angles for length in lengths]
 
 
 def _misfit(T: Float[np.ndarray, "n 4 4"], points: Float[np.ndarray, "m 3"]) -> float:
@@ -552,15 +557,8 @@ def _rising(near: Float[np.ndarray, "n m"], limit: float) -> np.ndarray:
 
 # Which convention three angles follow whose names leave it open, told by what the robot can have done.
 
-MIN_POSES = 6
-"""Poses at least: two frames have six unknowns, each pose tells three angles. A convention: three times as many equations as
-unknowns."""
-
 MAX_POSES = 200
 """Poses, at most, that are looked at, spread over all. A convention that bounds the time."""
-
-MAX_MISFIT_RAD = float(np.radians(5.0))
-"""Root mean square misfit of a nominal robot at most; it misses by tenths of a degree under the right convention."""
 
 MAX_CALCULATED_RAD = 1e-5
 """Misfit under which angles of no certain meaning are the controller's own: no robot is built and measured so well."""
@@ -581,7 +579,8 @@ def with_convention(readings: Readings, robot: Robot) -> Readings:
     misfits = {} if readings.q is None else _misfits(readings, robot)
     ranked = sorted(misfits, key=lambda form: misfits[form])
     readings = replace(readings, open_angles=None)
-    if not ranked or not _decides([misfits[form] for form in ranked]):
+    # the first of rising misfits is small, and far smaller than the second
+    if len(ranked) < 2 or misfits[ranked[0]] > min(MAX_MISFIT_RAD, MAX_MISFIT_RATIO * misfits[ranked[1]]):
         none_fits = ""
         if ranked and (least := misfits[ranked[0]]) > MAX_MISFIT_RAD:
             none_fits = f"; none fits the nominal robot: even as {ranked[0]} it misses them by {np.degrees(least):.0f}°"
@@ -609,11 +608,6 @@ def _as_assumed(readings: Readings, columns: str, assumed: str | None, forms: li
     return readings.noted(note)
 
 
-def _decides(misfits: list[float]) -> bool:
-    """Whether the first of rising misfits is small, and far smaller than the second."""
-    return len(misfits) > 1 and misfits[0] <= min(MAX_MISFIT_RAD, MAX_MISFIT_RATIO * misfits[1])
-
-
 def _misfits(readings: Readings, robot: Robot) -> dict[str, float]:
     """Root mean square angle between measured orientations and the registered nominal robot's, by what the angles may mean.
 
@@ -632,10 +626,9 @@ def _misfits(readings: Readings, robot: Robot) -> dict[str, float]:
         R = ErrorModel(robot).poses(readings.q[rows])[:, :3, :3]
     except CampaignError:
         return {}
-    return {form: _angle_misfit(R, measured[rows]) for form, measured in readings.open_angles.meanings.items()}
-
-
-def _angle_misfit(R: Float[np.ndarray, "n 3 3"], measured: Float[np.ndarray, "n 3 3"]) -> float:
-    Z, X = closed_form_rotations(R, measured)
-    off = se3.log(np.swapaxes(Z @ R @ X, 1, 2) @ measured)
-    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    out: dict[str, float] = {}
+    for form, measured in readings.open_angles.meanings.items():
+        Z, X = closed_form_rotations(R, measured[rows])
+        off = se3.log(np.swapaxes(Z @ R @ X, 1, 2) @ measured[rows])
+        out[form] = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    return out

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, FileError, TaskcalError, shown
+from taskcal.errors import CampaignError, FileError, TaskcalError, listed, shown
 from taskcal.geometry import se3
 from taskcal.geometry.euler import to_angles
 from taskcal.observations import ObservedColumns, Pixels
@@ -548,11 +548,7 @@ class Shape(NamedTuple):
 
 
 def _shapes(corners: Corners, number: Int[np.ndarray, " n"], boards: Sequence[Board]) -> list[Shape]:
-    """Boards of which enough corners are in the images that rows name.
-
-    Raises:
-        CampaignError: a corner is not on its board.
-    """
+    """Boards of which enough corners are in the images that rows name."""
     by_name = {board.name: k for k, board in enumerate(boards)}
     shown_board = np.array([_board(name, by_name, corners) for name in corners.board], dtype=int)
     places = [(dict(zip(board.ids().tolist(), board.corners(), strict=True))) for board in boards]
@@ -574,11 +570,7 @@ def _shapes(corners: Corners, number: Int[np.ndarray, " n"], boards: Sequence[Bo
 
 
 def _refuse_unseen(shapes: Sequence[Sequence[Shape]], corners: Sequence[Corners], boards: Sequence[Board]) -> None:
-    """See that each camera sees a board, and each board is seen.
-
-    Raises:
-        CampaignError: one does not, or is not.
-    """
+    """See that each camera sees a board, and each board is seen."""
     for own, found in zip(corners, shapes, strict=True):
         if not found:
             of = f" of {own.label}" if own.camera else ""
@@ -601,11 +593,7 @@ def _picture(
     model: str,
     given: StatedCamera | None,
 ) -> tuple[Pictures, list[str]]:
-    """What the images of a camera show, with the camera that they have, and what is to be said of it.
-
-    Raises:
-        CampaignError: no camera fits, or the one that is known does not.
-    """
+    """What the images of a camera show, with the camera that they have, and what is to be said of it."""
     lens = Lens(model=model if given is None else given.lens.model, width=corners.width, height=corners.height)
     if given is not None and given.lens != lens:
         raise CampaignError(
@@ -622,11 +610,14 @@ def _picture(
             f"a lens of the model {other} leaves {noise:.2f} px of the corners, where {lens.model} leaves {pictures.noise:.2f} px: "
             f"take --lens {other}"
         )
-    pictures, bent = find_bend(pictures)
+    pictures, bent, untold = find_bend(pictures)
     notes += [
         f"board '{boards[one.board].name}' is bent by {one.height * 1e3:.2f} ± {one.error * 1e3:.2f} mm, as left-out images prove; "
         "its corners are taken as they lie; mount it on a flat plate"
         for one in bent
+    ]
+    notes += [
+        f"board '{boards[board].name}' is taken for flat: its images do not tell whether it is" for board in untold
     ]
     if given is not None:
         assert given.uncertainty is not None
@@ -638,11 +629,7 @@ def _picture(
 def _calibrate(
     lens: Lens, shapes: Sequence[Shape], rows: Int[np.ndarray, " views"], corners: Corners, boards: Sequence[Board]
 ) -> Pictures:
-    """The camera that the images alone have.
-
-    Raises:
-        CampaignError: none fits them, or columns and rows of a board are swapped.
-    """
+    """The camera that the images alone have."""
     try:
         pictures = calibrate_camera(
             lens,
@@ -662,13 +649,7 @@ def _calibrate(
 
 
 def _refuse_swapped_counts(shapes: Sequence[Shape], corners: Corners, boards: Sequence[Board]) -> None:
-    """See that corners do not lie on a plane far better where columns and rows of a board are exchanged.
-
-    Args:
-        shapes: boards in images.
-        corners: in the images.
-        boards: that were printed.
-    """
+    """See that corners do not lie on a plane far better where columns and rows of a board are exchanged."""
     number = {name: k for k, name in enumerate(corners.images)}
 
     def off(board: Board, images: Sequence[str]) -> float:
@@ -695,11 +676,7 @@ def _refuse_swapped_counts(shapes: Sequence[Shape], corners: Corners, boards: Se
 
 
 def _compare_cameras(given: StatedCamera, alone: Pictures, pictures: Pictures) -> list[str]:
-    """What is to be said of a camera that is known, beside the one that the images alone have.
-
-    Raises:
-        CampaignError: the images contradict it.
-    """
+    """What is to be said of a camera that is known, beside the one that the images alone have."""
     assert given.uncertainty is not None
     pixels = np.repeat([KILO, 1.0], [4, len(given.numbers) - 4])
     information = alone.settle(alone.camera).of_camera[0].sum(axis=0) + np.diag(alone.lens.deviations**-2.0)
@@ -744,9 +721,9 @@ def _numbers(
         if (out[:, row] < 0).all():
             missing.append(text)
     if missing and any(len(np.unique(own[own >= 0])) < len(one.images) for own, one in zip(out, corners, strict=True)):
-        others = shown(", ".join(sorted(corners[0].images, key=natural_order)[:3]), 80)
+        others = shown(listed(sorted(corners[0].images, key=natural_order), 3), 80)
         raise CampaignError(
-            f"{campaign.source}: {_sources(corners)} has no image {in_words(missing)}; its images are {others} …: correct the "
+            f"{campaign.source}: {_sources(corners)} has no image {in_words(missing)}; its images are {others}: correct the "
             "column image, or leave out the rows"
         )
     for own, of in zip(corners, out, strict=True):
@@ -755,17 +732,7 @@ def _numbers(
 
 
 def _refuse_unnamed(campaign: Campaign, corners: Corners, number: Int[np.ndarray, " n"], texts: Sequence[str]) -> None:
-    """See that rows name images of a camera, and each of them once.
-
-    Args:
-        campaign: as read.
-        corners: in the images of the camera.
-        number: of each row's image; −1 of none.
-        texts: how rows name these.
-
-    Raises:
-        CampaignError: they do not.
-    """
+    """See that rows name images of a camera, and each of them once."""
     named, count = np.unique(number[number >= 0], return_counts=True)
     if not len(named):
         raise CampaignError(
@@ -784,8 +751,7 @@ def _refuse_unnamed(campaign: Campaign, corners: Corners, number: Int[np.ndarray
 
 def in_words(names: Sequence[str]) -> str:
     """Some names for a message, and how many more."""
-    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-    return f"{shown(', '.join(names[:MAX_NAMED]), 200)}{more}"
+    return shown(listed(names, MAX_NAMED), 200)
 
 
 def _board(name: str, numbers: dict[str, int], corners: Corners) -> int:
@@ -840,6 +806,13 @@ class BoardPoses(NamedTuple):
             for P in (self.mounts[1], self.T)
         )
         return bool(np.median(M) < MIN_TURN_RAD and np.median(tool) > STANDS_BESIDE * MIN_TURN_RAD)
+
+    def in_rows_of(self, campaign: Campaign, kind: Pixels) -> Campaign:
+        """A campaign of what moves, as a tracker in what stands would have measured it; rows without it show nothing."""
+        M = np.tile(np.eye(4), (len(campaign), 1, 1))
+        M[:, :3, 3] = np.nan
+        M[self.rows] = self.mounts[0 if kind.on_wrist[self.camera] else 1]
+        return replace(campaign, points=M[:, None, :3, 3], rotations=np.ascontiguousarray(M[:, :3, :3]))
 
     @property
     def apart(self) -> tuple[Apart, Apart]:
@@ -897,11 +870,7 @@ def find_mounts(kind: Pixels, pairs: Sequence[BoardPoses], source: str) -> tuple
 
 
 def _with_target_first(kind: Pixels, targets: Sequence[str], source: str) -> tuple[str, ...]:
-    """Cameras and boards on the wrist, that first which is the target of a calibration.
-
-    Raises:
-        CampaignError: none of them is.
-    """
+    """Cameras and boards on the wrist, that first which is the target of a calibration."""
     orders = [(name, *(other for other in kind.moving if other != name)) for name in kind.moving]
     found = [order for order in orders if replace(kind, moving=order).target in targets]
     if targets and not found:

@@ -1,56 +1,27 @@
 """Reading a campaign, whatever instrument or spreadsheet wrote it."""
 
+import itertools
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from taskcal.arguments import checked
-from taskcal.campaigns.campaign import Campaign, with_distances, with_unknown_scale
+from taskcal.campaigns.campaign import MOVED, Campaign, with_distances, with_unknown_scale
 from taskcal.errors import FileError, WrongValue, shown
 from taskcal.observations import Point, Pose, Read, StatedCamera, kinds
+from taskcal.reading.joints import COUNTS_OF_A_DEGREE, no_joint, read_table_or_program, within_limits
+from taskcal.reading.options import ReadOptions
 from taskcal.reading.pictures import Corners
-from taskcal.reading.readings import MAX_TARGETS, AngleForm, Readings, no_joint, read_readings
+from taskcal.reading.positions import MAX_TARGETS
+from taskcal.reading.readings import Readings, read_readings
 from taskcal.reading.rows import average_shots, side_by_side, with_targets_in_names, without_means
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.robot import Robot
-from taskcal.tables.forms import TableForm, read_table
 from taskcal.tables.table import LENGTHS, Table
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadOptions:
-    """Statements of the user on what a file of measurements leaves open; nothing by default."""
-
-    form: TableForm = field(default_factory=TableForm)
-    """Of the table."""
-    angles: AngleForm | None = None
-    """What three angles of a pose mean."""
-    points: str | Path | None = None
-    """Another file with the points, where the first holds joints only."""
-    distances: str | Path | None = None
-    """Another file with stated distances of sockets."""
-    wire_scale: bool = False
-    """Whether the scale of measured lengths (`d_mm`) is unknown."""
-    board: str | Path | None = None
-    """File of the boards that images show."""
-    images: str | Path | tuple[Corners, ...] | None = None
-    """Folder of the images, with a folder for each of several cameras, or the corners in them, or their file; None where the
-    campaign's own file has the corners."""
-    lens: Literal["pinhole", "fisheye"] = "pinhole"
-    """Of the camera that took them."""
-    camera: str | Path | None = None
-    """File of what is known of that camera."""
-    camera_exact: bool = False
-    """Whether its numbers are exact, whatever uncertainty the file states."""
-    image_times: str | Path | None = None
-    """File of the images' times, or ``names`` or ``exif`` where these have them: rows are a log, paired with images by time."""
-    judged: bool = True
-    """Whether images that do not fit the robot are refused."""
 
 
 @checked
@@ -67,7 +38,8 @@ def read_campaign(
     Columns, in any order and letter case, with units in their names (``J1_deg``, ``Joint 1 (deg)``, ``X [mm]``) or in a row
     of their own: joints by the robot's names or by number (``J1``, ``A1``, ``q1``, ``Achse 1``); one target as ``x y z``,
     several as ``NAME_x …``, or one a row with its name in a column ``target``; for a pose ``qx qy qz qw``, a matrix ``r11 …``
-    or angles ``A B C`` (KUKA), ``W P R`` (FANUC), ``roll pitch yaw``; optionally ``id``; ``u_mm`` or ``NAME_u_mm`` (standard
+    or angles ``A B C`` (KUKA), ``W P R`` (FANUC), ``roll pitch yaw``, all left out where they do not fit the robot though the
+    positions do; optionally ``id``; ``u_mm`` or ``NAME_u_mm`` (standard
     uncertainty per axis); ``temp_C``; ``time_s`` (since the robot began to work); and for each joint ``J1_approach``, the
     way its drive turned last (1 up, −1 down, 0 unknown), and ``J1_move_deg``, how far. A target whose three cells are all
     empty or all zero is a lost beam. Other columns are left out. `Campaign.notes` says what was left out and decided.
@@ -101,16 +73,21 @@ def read_campaign(
         raise WrongValue("path names no file; give one or several")
     if options is not None and options.board is not None:
         return _read_pictures(paths, robot, options, targets)
-    parts = [
-        (name, campaign_of(part, robot, targets, reference_points))
-        for name, part in _by_station(paths, robot, options or ReadOptions())
-    ]
+    stations = list(_by_station(paths, robot, options or ReadOptions()))
+    parts = [(name, campaign_of(part, robot, targets, reference_points)) for name, part in stations]
     campaign = _joined(parts, robot) if parts[0][0] else parts[0][1]
+    if campaign.rotations is not None and (options is None or options.judged):
+        from taskcal.registration.rotations import leave_out_wrong_rotations  # fits, and so imports the compiler
+        from taskcal.robot.error_model import ErrorModel
+
+        campaign = leave_out_wrong_rotations(ErrorModel(robot), campaign)
     if options is not None and options.wire_scale:
         campaign = with_unknown_scale(campaign)
-    if options is None or options.distances is None:
-        return campaign
-    return with_distances(campaign, options.distances)
+    if options is not None and options.distances is not None:
+        campaign = with_distances(campaign, options.distances)
+    acted = frozenset({"distances", "wire_scale"}).union(*(part.acted for _, part in stations))
+    notes = _without_effect(options, acted)
+    return replace(campaign, notes=(*campaign.notes, *notes)) if notes else campaign
 
 
 def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | None = None) -> Readings:
@@ -120,24 +97,51 @@ def read_measurements(path: str | Path, robot: Robot, options: ReadOptions | Non
         FileError: as of `read_campaign`, but for joints or points that are lacking.
     """
     options = options or ReadOptions()
-    readings = _of_file(path, robot, options.form, options.angles)
+    readings = _of_file(path, robot, options)
     if readings.stations is not None and readings.ids is not None:
         stood = set(zip(readings.ids, readings.stations, strict=True))
         if len(stood) > len(set(readings.ids)):  # poses of two stations may have one name
             ids = tuple(f"{name}:{text}" for text, name in zip(readings.ids, readings.stations, strict=True))
             readings = replace(readings, ids=ids)
-    return _one_row_a_pose(readings, robot, options)
+    readings = _one_row_a_pose(readings, robot, options)
+    return readings.noted(*_without_effect(options, readings.acted))
+
+
+_ALWAYS = frozenset({"columns", "points"})
+"""Options that make a difference wherever they are stated."""
+
+_OF_IMAGES = ("board", "images", "lens", "camera", "camera_exact", "image_times")
+
+_WHY = {
+    "sheet": "no workbook is read",
+    "hidden_rows": "no workbook is read that has hidden or struck-out rows of numbers",
+    "decimal": "no cell has a comma",
+    "angles": "no three angles of a pose are read",
+    "distances": "it is of a fit of sockets",
+    "wire_scale": "it is of a fit of lengths",
+    **dict.fromkeys(_OF_IMAGES, "no images of boards are read"),
+}
+"""Why an option has none."""
+
+
+def _without_effect(options: ReadOptions | None, acted: frozenset[str]) -> tuple[str, ...]:
+    """A note for each option that was stated and made no difference, whatever it is."""
+    if options is None:
+        return ()
+    stated = {one.name: getattr(options, one.name) != one.default for one in fields(options) if one.name in _WHY}
+    stated |= {one.name: getattr(options.form, one.name) is not None for one in fields(options.form)}
+    return tuple(
+        f"--{name.replace('_', '-')} has no effect: {_WHY[name]}"
+        for name, is_stated in stated.items()
+        if is_stated and name not in acted | _ALWAYS
+    )
 
 
 def _by_station(paths: Sequence[str | Path], robot: Robot, options: ReadOptions) -> Iterator[tuple[str, Readings]]:
-    """Readings of every station, and its name; an empty one of a single file that names none.
-
-    Raises:
-        FileError: two files that name no station are called the same, or another file holds the points.
-    """
+    """Readings of every station, and its name; an empty one of a single file that names none."""
     named: dict[str, Path] = {}
     for path in map(Path, paths):
-        readings = _of_file(path, robot, options.form, options.angles)
+        readings = _of_file(path, robot, options)
         if (len(paths) > 1 or readings.stations) and options.points is not None:
             raise FileError(
                 path, "joins stations, and --points holds their points; write joints and points into one file"
@@ -162,18 +166,14 @@ def _by_station(paths: Sequence[str | Path], robot: Robot, options: ReadOptions)
 def _read_pictures(
     paths: Sequence[str | Path], robot: Robot, options: ReadOptions, targets: Sequence[str] | None
 ) -> Campaign:
-    """A campaign of images.
-
-    Raises:
-        FileError: several files are named, or there are no images.
-    """
+    """A campaign of images."""
     from taskcal.observations.calibration_board import read_boards
     from taskcal.reading import detection, pictures
 
     assert options.board is not None
     if len(paths) > 1:
         raise FileError(Path(paths[1]), "is a second file; images belong to the rows of one")
-    table = read_table(paths[0], options.form)
+    table = read_table_or_program(paths[0], robot, options.form)
     own, corners = pictures.has_corners(table), None
     boards = read_boards(options.board)
     if isinstance(options.images, tuple):
@@ -187,26 +187,22 @@ def _read_pictures(
             table.path, "has no corners (columns image, corner, u_px, v_px); give the images, --images FOLDER"
         )
     if options.image_times is None:
-        readings = _of_file(
-            pictures.one_row_an_image(table, robot) if own else table, robot, options.form, options.angles
-        )
+        readings = _of_file(pictures.one_row_an_image(table, robot) if own else table, robot, options)
         readings = pictures.with_images(readings, robot, corners)
     else:
         readings = _at_standstill(table, robot, corners, options)
     readings = _one_row_a_pose(readings, robot, options)
     given = _stated_cameras(options, corners)
     campaign = campaign_of(readings, robot)
-    return pictures.with_pictures(
+    campaign = pictures.with_pictures(
         campaign, corners, boards, robot, options.lens, given, targets=targets or (), judged=options.judged
     )
+    notes = _without_effect(options, readings.acted.union(_OF_IMAGES))
+    return replace(campaign, notes=(*campaign.notes, *notes))
 
 
 def _stated_cameras(options: ReadOptions, corners: Sequence[Corners]) -> "list[StatedCamera | None]":
-    """What is known of each camera: of the only one from a file, of several from files of a folder with their names.
-
-    Raises:
-        FileError: a file is missing or no camera's, or one is of another lens or of no camera.
-    """
+    """What is known of each camera: of the only one from a file, of several from files of a folder with their names."""
     from taskcal.observations.camera_file import YAML_SUFFIXES, as_prior, read_camera
 
     if options.camera is None:
@@ -242,11 +238,7 @@ def _stated_cameras(options: ReadOptions, corners: Sequence[Corners]) -> "list[S
 
 
 def _at_standstill(table: Table, robot: Robot, cameras: Sequence[Corners], options: ReadOptions) -> Readings:
-    """A row for each image of a log's table that was taken while the robot stood.
-
-    Raises:
-        FileError: the table has corners itself, or rows and images cannot be paired by time.
-    """
+    """A row for each image of a log's table that was taken while the robot stood."""
     from taskcal.reading import pictures
     from taskcal.reading.image_times import image_times, times_of
 
@@ -266,7 +258,7 @@ def _at_standstill(table: Table, robot: Robot, cameras: Sequence[Corners], optio
     except ValueError as error:
         raise FileError(Path(corners.source), str(error)) from error
     log = pictures.without_columns(table, (rows.column,))
-    readings = _of_file(log, robot, options.form, options.angles)
+    readings = _of_file(log, robot, options)
     seconds = rows.seconds[np.searchsorted(table.lines, readings.lines)]
     return pictures.at_standstill(readings, robot, corners, replace(rows, seconds=seconds), images)
 
@@ -286,7 +278,7 @@ def _joined(parts: Sequence[tuple[str, Campaign]], robot: Robot) -> Campaign:
 def _one_row_a_pose(readings: Readings, robot: Robot, options: ReadOptions) -> Readings:
     """Readings of one station with one row for each pose, in radians and metres."""
     if options.points is not None:
-        others = _of_file(options.points, robot, replace(options.form, columns=None), options.angles)
+        others = _of_file(options.points, robot, replace(options, form=replace(options.form, columns=None)))
         if others.targets_by_row is not None and others.ids and len(set(others.ids)) < len(others.ids):
             others = side_by_side(others, _likely_metres(others, robot))
         from taskcal.reading.inference import pair
@@ -297,7 +289,7 @@ def _one_row_a_pose(readings: Readings, robot: Robot, options: ReadOptions) -> R
     if not _states_units(readings):
         from taskcal.reading.inference import with_inferred_units
 
-        readings = with_inferred_units(readings, robot)
+        readings = _within_limits(with_inferred_units(readings, robot), options.counted_by or robot)
     readings = _averaged(readings, robot)
     if readings.open_angles is not None:
         from taskcal.reading.inference import with_convention
@@ -306,14 +298,22 @@ def _one_row_a_pose(readings: Readings, robot: Robot, options: ReadOptions) -> R
     return readings
 
 
-def _of_file(path: str | Path | Table, robot: Robot, form: TableForm, angles: AngleForm | None) -> Readings:
+def _of_file(path: str | Path | Table, robot: Robot, options: ReadOptions) -> Readings:
     """Readings of one file, in the units that it states."""
-    readings = read_readings(path, robot, form, angles)
+    readings = read_readings(path, robot, options.form, options.angles)
     if not _states_units(readings):
         from taskcal.reading.inference import with_stated_units
 
         readings = with_stated_units(readings, robot)
-    return with_targets_in_names(without_means(readings))
+    return with_targets_in_names(_within_limits(without_means(readings), options.counted_by or robot))
+
+
+def _within_limits(readings: Readings, robot: Robot) -> Readings:
+    """Readings whose joints are counted as the robot's limits are, and a note where they were not."""
+    if readings.q is None or not readings.joint_unit_stated:
+        return readings
+    q, note = within_limits(robot, readings.q)
+    return replace(readings, q=q).noted(note) if note else readings
 
 
 def _states_units(readings: Readings) -> bool:
@@ -381,6 +381,7 @@ def campaign_of(
     if readings.rotations and len(chosen) > 1:
         raise readings.points_error(f"a pose has one target, this file names {', '.join(chosen)}; choose one")
     _refuse_limits(readings, robot, q)
+    _refuse_copied(readings, {name: points[name] for name in chosen})
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     values = [*(points[name] for name in chosen), *(one.points for one in observed)]
     tracked = Pose() if readings.rotations else Point()
@@ -422,11 +423,7 @@ def _with_own_rotations(readings: Readings, chosen: Sequence[str]) -> Readings:
 
 
 def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) -> None:
-    """See that positions in the robot's base are not the controller's own, where another column may hold the measurement.
-
-    Raises:
-        FileError: they are in the robot's base, and a column of lengths is left out, or something else was observed.
-    """
+    """See that positions in the robot's base are not the controller's own, where another column may hold the measurement."""
     other = [*readings.left_lengths, *(readings.observed.headers.values() if readings.observed else ())]
     tracked = [
         name
@@ -457,11 +454,7 @@ def _observed(readings: Readings, targets: Sequence[str] | None) -> list[Read]:
 
 
 def _rotations(readings: Readings, observed: Sequence[Read]) -> Float[np.ndarray, "n 3 3"] | None:
-    """Rotations of the only target that has them.
-
-    Raises:
-        FileError: there are several.
-    """
+    """Rotations of the only target that has them."""
     turned = [one.rotations for one in observed if one.rotations is not None]
     turned += [*readings.rotations.values()][:1]
     if len(turned) > 1:
@@ -505,7 +498,44 @@ def _refuse_limits(readings: Readings, robot: Robot, q: np.ndarray) -> None:
         f"{reason} ({count} of {len(q)} rows are outside the limits of {robot.name}); check the units, the order of the joints "
         "and their signs, or widen the limits in the robot file"
     )
+    if len(q) >= MIN_COPIED_ROWS and not (np.degrees(q) - np.round(np.degrees(q))).round(6).any():
+        message += f"; or, as all are whole numbers, if they are counts of an encoder, {COUNTS_OF_A_DEGREE}"
     raise FileError(readings.path, message, line=int(readings.lines[row]))
+
+
+MIN_COPIED_ROWS = 6
+"""Rows at least in which a target has the very numbers of another, or a constant place or distance. A convention: with a few
+digits one or two may agree by chance, and fewer than eight rows register no robot."""
+
+SAME_M = 1e-9
+"""Difference of numbers that are one and the same, metres: what binary fractions leave of them."""
+
+
+def _refuse_copied(readings: Readings, points: Mapping[str, Float[np.ndarray, "n 3"]]) -> None:
+    """See that no target's numbers are those of another, nor stand still, which an instrument's never do."""
+    moves = readings.q is not None and float(np.ptp(readings.q, axis=0).max(initial=0.0)) > MOVED
+    for name, at in points.items():
+        seen = at[np.isfinite(at).all(axis=1)]
+        if len(seen) >= MIN_COPIED_ROWS and np.ptp(seen, axis=0).max() < SAME_M and moves:
+            raise readings.points_error(
+                f"target '{name}' has the same numbers in all {len(seen)} rows, while the joints move: it is not on the tool, or "
+                "was filled in. If it stands beside the robot, give it a name that begins with base; else leave it out: choose "
+                "others with --targets"
+            )
+    for (one, a), (other, b) in itertools.combinations(points.items(), 2):
+        known = {row.tobytes() for row in a[np.isfinite(a).all(axis=1)]}
+        same = sum(row.tobytes() in known for row in b[np.isfinite(b).all(axis=1)])
+        apart = (b - a)[np.isfinite(b - a).all(axis=1)]
+        if same >= MIN_COPIED_ROWS:
+            copied = f"has the numbers of '{one}' in {same} rows"
+        elif len(apart) >= MIN_COPIED_ROWS and np.ptp(apart, axis=0).max() < SAME_M:
+            copied = f"is that of '{one}' moved by the same numbers in all {len(apart)} rows"
+        else:
+            continue
+        raise readings.points_error(
+            f"target '{other}' {copied}, as no two reflectors are measured: its columns were copied. Correct them, or choose the "
+            f"target that was measured: --targets {one}"
+        )
 
 
 def _uncertainty(readings: Readings, targets: Sequence[str]) -> Float[np.ndarray, "n targets"] | None:

@@ -3,14 +3,17 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from taskcal.errors import Faults, FileError, shown
+from taskcal.errors import FileError, shown
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
-from taskcal.reading.readings import MAX_TARGETS, Readings
+from taskcal.reading.positions import MAX_TARGETS
+from taskcal.reading.readings import Readings
+from taskcal.tables.table import raise_all
 
 # Shots of one pose, averaged.
 
@@ -84,9 +87,12 @@ def average_shots(readings: Readings, metres: float = 1e-3) -> Readings:
     ).noted(note)
 
 
-def rows_by_id(ids: Sequence[str]) -> dict[str, list[int]]:
+Id = TypeVar("Id")
+
+
+def rows_by_id(ids: Sequence[Id]) -> dict[Id, list[int]]:
     """The rows of each id, in the order in which the ids come first."""
-    groups: dict[str, list[int]] = {}
+    groups: dict[Id, list[int]] = {}
     for row, name in enumerate(ids):
         groups.setdefault(name, []).append(row)
     return groups
@@ -106,15 +112,13 @@ def refuse_other_joints(readings: Readings, groups: dict[str, list[int]]) -> Non
     """
     if readings.q is None:
         return
-    faults = Faults()
+    faults: list[FileError] = []
     for name, rows in groups.items():
+        message = f"id '{shown(name)}' stands in line {int(readings.lines[rows[0]])} already; give each row its own"
         for row in rows[1:]:
             if np.abs(readings.q[row] - readings.q[rows[0]]).max() > SAME_POSE_RAD:
-                line = int(readings.lines[rows[0]])
-                message = f"id '{shown(name)}' stands in line {line} already; give each row its own"
-                with faults.collecting():
-                    raise FileError(readings.path, message, line=int(readings.lines[row]), column="id")
-    faults.raise_any()
+                faults.append(FileError(readings.path, message, line=int(readings.lines[row]), column="id"))
+    raise_all(faults)
 
 
 def refuse_two_poses(
@@ -147,7 +151,7 @@ def refuse_two_poses(
         return
     own = [np.sqrt(np.sum((p - p.mean(axis=0)) ** 2) / (3 * (len(p) - 1))) for p in several.values()]
     shown_by_shots = min(float(np.median(own)), MAX_SHOT_NOISE_M) if len(own) >= MIN_REPEATED else 0.0
-    faults = Faults()
+    faults: list[FileError] = []
     for name, points in several.items():
         # the farthest shot from the mean, and the farthest from that
         first = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
@@ -160,33 +164,22 @@ def refuse_two_poses(
         else:
             sigma = scale * float(stated[seen[name]].max())
         limit = MAX_RETURN_M + MAX_SIGMAS * sigma
-        if away[second] > limit:
-            with faults.collecting():
-                raise _two_poses(
-                    readings, name, sorted((seen[name][first], seen[name][second])), away[second], limit, sigma
-                )
-    faults.raise_any()
-
-
-def _two_poses(
-    readings: Readings, name: str, rows: Sequence[int], distance: float, limit: float, sigma: float
-) -> FileError:
-    lines = [int(readings.lines_of_points[row]) for row in rows]
-    message = (
-        f"pose '{shown(name, 40)}' has shots {distance * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose has at "
-        f"most {limit * 1e3:.1f} mm: {MAX_RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and {MAX_SIGMAS:.0f} "
-        f"standard uncertainties of {sigma * 1e3:.3f} mm; give each pose its own id or header, each target its name in a column "
-        "'target', or state the uncertainty (u_mm)"
-    )
-    return readings.points_error(message, rows[1])
+        if away[second] <= limit:
+            continue
+        rows = sorted((seen[name][first], seen[name][second]))
+        lines = [int(readings.lines_of_points[row]) for row in rows]
+        message = (
+            f"pose '{shown(name, 40)}' has shots {away[second] * 1e3:.1f} mm apart, in lines {lines[0]} and {lines[1]}; one pose "
+            f"has at most {limit * 1e3:.1f} mm: {MAX_RETURN_M * 1e3:.0f} mm between two returns of a robot (ISO 9283), and "
+            f"{MAX_SIGMAS:.0f} standard uncertainties of {sigma * 1e3:.3f} mm; give each pose its own id or header, each target "
+            "its name in a column 'target', or state the uncertainty (u_mm)"
+        )
+        faults.append(readings.points_error(message, rows[1]))
+    raise_all(faults)
 
 
 def _refuse_turned(readings: Readings, groups: Mapping[str, Sequence[int]]) -> None:
-    """See that shots of one pose have one orientation, by the convention under which they differ least where it is open.
-
-    Raises:
-        FileError: two are turned by more than `MAX_TURN_RAD`.
-    """
+    """See that shots of one pose have one orientation, by the convention under which they differ least where it is open."""
     turned = [*readings.rotations.values()][:1]
     if readings.open_angles is not None:
         turned += readings.open_angles.meanings.values()
@@ -278,21 +271,15 @@ def side_by_side(readings: Readings, metres: float = 1e-3) -> Readings:
     pose_of = _poses(readings)
     firsts = np.unique(pose_of, return_index=True)[1]
     points = {name: np.full((len(firsts), 3), np.nan) for name in dict.fromkeys(targets)}
-    shots: dict[tuple[str, int], list[int]] = {}
-    for row, shown_in in enumerate(zip(targets, pose_of.tolist(), strict=True)):
-        shots.setdefault(shown_in, []).append(row)
+    shots = rows_by_id(list(zip(targets, pose_of.tolist(), strict=True)))
     for target in points:
-        of_poses = {_pose_name(readings, rows[0]): rows for (name, _), rows in shots.items() if name == target}
+        own = [rows for (name, _), rows in shots.items() if name == target]
+        firsts_named = [readings.ids[rows[0]] if readings.ids else int(readings.lines[rows[0]]) for rows in own]
+        of_poses = {f"{pose}, target {target}": rows for pose, rows in zip(firsts_named, own, strict=True)}
         refuse_two_poses(readings, target, values, of_poses, metres)
     for (name, pose), rows in shots.items():
         points[name][pose] = mean_of_seen(values[rows])
     return replace(readings.take(firsts), points=points, targets_by_row=None)
-
-
-def _pose_name(readings: Readings, row: int) -> str:
-    """Pose and target of a row, for an error."""
-    targets = readings.targets_by_row or ()
-    return f"{readings.ids[row] if readings.ids else int(readings.lines[row])}, target {targets[row]}"
 
 
 def _poses(readings: Readings) -> np.ndarray:

@@ -38,10 +38,6 @@ MIN_EXACT_POINTS = 8
 IN_BASE_M, IN_BASE_RAD = 2e-3, 2e-3
 """How far the frame of a controller's own positions is found from the base: its own robot differs a little from the nominal."""
 
-TARGET_WITHIN = 1.0
-"""How far a target may be from the TCP, metres: tools are no longer, and where joints or points are wrong the target is
-the first to be found far away."""
-
 
 def check_plausible(registration: Registration, model: ErrorModel, campaign: Campaign) -> None:
     """Raise a `CampaignError` if the nominal robot is so far from the measurements that they cannot be its own.
@@ -49,11 +45,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
     refuse_calculated(model, campaign, registration)
-    if (
-        registration.rms < COMPUTED_RESIDUAL_M
-        and campaign.observations
-        and all(kind.touched for kind in campaign.observations)
-    ):
+    if registration.rms < COMPUTED_RESIDUAL_M and all(kind.touched for kind in campaign.observed):
         raise CampaignError(
             f"{named_file(campaign)}contacts agree with the nominal model to {registration.rms * 1e9:.1g} nm, as no real one "
             "lets it: these joints were computed, as a plan's are; write down what the controller shows where it touches"
@@ -90,7 +82,7 @@ def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Regis
         return
     for t, name in enumerate(campaign.targets):
         points = campaign.points[campaign.valid[:, t], t]
-        if len(points) < MIN_EXACT_POINTS or (campaign.observations and not campaign.observations[t].in_tracker):
+        if len(points) < MIN_EXACT_POINTS or not campaign.observed[t].in_tracker:
             continue
         found = registration
         if found is None or len(campaign.targets) > 1:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -23,6 +23,9 @@ from taskcal.geometry.point_registration import (
     rms_length,
     target_rotation,
 )
+from taskcal.geometry.se3 import RIGID
+from taskcal.io.codec import LACKS, NOT_IN_FILE
+from taskcal.io.toml_file import NotNegative
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 
@@ -144,20 +147,20 @@ are all right with a chance of 0.43, and not once in 24 times with one of 10⁻�
 class Registration:
     """The tracker's frame and the targets, as found."""
 
-    T_tracker_base: Float[np.ndarray, "4 4"]
+    method: Annotated[Method, LACKS] = "poses"
+    """Found from all ``poses``, or from the ``circles`` of axes that turned alone."""
+    file: Annotated[str, LACKS] = ""
+    """The file it was read from, if it was."""
+    T_tracker_base: Annotated[Float[np.ndarray, "4 4"], RIGID]
     """Pose of the robot's base in the tracker frame."""
-    T_tool_target: Float[np.ndarray, "targets 4 4"]
+    T_tool_target: Annotated[Float[np.ndarray, "targets 4 4"], RIGID]
     """Pose of every target in the tool frame; its rotation is the identity where only points were measured."""
-    rms: float
+    rms: NotNegative
     """Root mean square of the nominal robot's residual in space, metres."""
-    unobservable: Float[np.ndarray, "offsets offsets"]
+    unobservable: Float[np.ndarray, "3*targets 3*targets"]
     """Projector onto the directions of all target offsets together, in the tool frame, that the poses do not determine:
     zero in general; in one orientation a common shift of all targets. Along them the targets stay at the TCP."""
-    method: Method = "poses"
-    """Found from all ``poses``, or from the ``circles`` of axes that turned alone."""
-    file: str = ""
-    """The file it was read from, if it was."""
-    unknowns: tuple[Float[np.ndarray, " _"], ...] = ()
+    unknowns: Annotated[tuple[Float[np.ndarray, " _"], ...], NOT_IN_FILE] = ()
     """What else each target's observation does not know: sockets, anchors …; empty where a tracker measured."""
 
     @property

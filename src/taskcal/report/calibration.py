@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,7 +11,6 @@ from jaxtyping import Bool, Float
 from taskcal.analysis.identifiability import Identifiability, describe_combination, identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.campaigns.campaign import Campaign
-from taskcal.correction.verdict import Verdict
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
 from taskcal.identification.held_out import HeldOut, Outlier, Validation, share_inside
@@ -29,11 +29,13 @@ from taskcal.registration.registration import Registration
 from taskcal.report.camera import camera_section
 from taskcal.report.chart import AXIS_COLOURS, BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
+    CALIBRATED,
     MILLIMETRES,
     NOMINAL,
     Block,
     Chart,
     Column,
+    Facts,
     LengthUnit,
     Numbers,
     Points,
@@ -51,24 +53,27 @@ from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import robot_scene
 from taskcal.report.sensitivity import draw_effects
 from taskcal.report.task import draw_bands, draw_maps
-from taskcal.report.verdict import verdict_section
-from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.error_model import EXACT, ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.task.workspace import Workspace
+from taskcal_groundwork.said import Said, joined, numeral, term
 
 # Position errors as a publication reports them: per axis of the base, then in space.
 
 ERRORS = (
-    *(Column(f"max {axis} mm", f"max_{axis}_mm", ".3f", optional=True) for axis in "xyz"),
-    *(Column(f"{name} mm", f"{name}_mm", ".3f", optional=True) for name in ("max", "mean", "rms", "p95")),
-    *(Column(f"{name} mrad", f"{name}_mrad", ".3f", optional=True) for name in ("mean", "max")),
-    Column("points", "n", "d", optional=True),
+    *(Column(Said("max {axis} mm", axis=axis), f"max_{axis}_mm", ".3f", optional=True) for axis in "xyz"),
+    *(
+        Column(Said("{name} mm", name=term(name)), f"{name}_mm", ".3f", optional=True)
+        for name in ("max", "mean", "rms", "p95")
+    ),
+    *(Column(Said("{name} mrad", name=term(name)), f"{name}_mrad", ".3f", optional=True) for name in ("mean", "max")),
+    Column(Said("points"), "n", "d", optional=True),
 )
 """Columns of a `Validation.summary`."""
 
 
 def tabulate_errors(
-    summaries: Mapping[str, Mapping[str, float | int]], title: str = "", *, of: str = "rows", note: str = ""
+    summaries: Mapping[str, Mapping[str, float | int]], title: str = "", *, of: str = Said("rows"), note: str = ""
 ) -> Table:
     """Tabulate labelled `Validation.summary`s; axes are those of the robot's base.
 
@@ -81,9 +86,9 @@ def tabulate_errors(
     rows = [{"label": label, **summary} for label, summary in summaries.items()]
     along_axes = any("max_x_mm" in summary for summary in summaries.values())
     title = title or (
-        "Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm"
+        Said("Position error (base-frame components: maximum; 3D: max, mean, rms, p95), mm")
         if along_axes
-        else "Error: measured less predicted"
+        else Said("Error: measured less predicted")
     )
     return Table.of(title, (Column(of, "label"), *ERRORS), rows, note=note)
 
@@ -100,7 +105,7 @@ def verdict(
     in_space: bool = True,
     angles: tuple[float, float] | None = None,
     digits: tuple[int, int] = (3, 3),
-) -> str:
+) -> Said:
     """State how the prediction error changes; the robot itself moves as before until its programs are corrected.
 
     Args:
@@ -112,24 +117,107 @@ def verdict(
         angles: mean errors of angles that are measured by themselves, before and after, milliradians.
         digits: behind the point, of both errors.
     """
-    where = f"{held_out} held-out points" if held_out is not None else "fitted rows, optimistic: none were held out"
-    change = "falls" if after < before else "does not fall"
-    ratio = f"ratio {before / after:.1f}, " if after > 0.0 else ""
-    what = "mean 3D prediction error" if in_space else "mean prediction error"
-    return (
-        f"{robot}: the {what} {change} from {before:.{digits[0]}f} mm, {NOMINAL}, to {after:.{digits[1]}f} mm, calibrated "
-        f"({ratio}{where})."
-        + (f" Mean error of the angles: {angles[0]:.3f} mrad, then {angles[1]:.3f} mrad." if angles else "")
+    where = _sample(held_out)
+    said = Said(
+        "{robot}: {what} {change} from {before} mm, {nominal}, to {after} mm, calibrated ({where}).",
+        robot=robot,
+        what=Said("the mean 3D prediction error") if in_space else Said("the mean prediction error"),
+        change=Said("falls") if after < before else Said("does not fall"),
+        before=numeral(before, f".{digits[0]}f"),
+        nominal=NOMINAL,
+        after=numeral(after, f".{digits[1]}f"),
+        where=Said("ratio {ratio:.1f}, {where}", ratio=before / after, where=where) if after > 0.0 else where,
     )
+    if angles is None:
+        return said
+    return Said(
+        "{said} Mean error of the angles: {before:.3f} mrad, then {after:.3f} mrad.",
+        said=said,
+        before=angles[0],
+        after=angles[1],
+    )
+
+
+def _sample(held_out: int | None) -> Said:
+    """Of which points an error is the mean; None for fitted ones."""
+    if held_out is None:
+        return Said("fitted rows, optimistic: none were held out")
+    return Said("{count} held-out points", count=held_out)
+
+
+def are_exact(calibration: Calibration) -> bool:
+    """Whether no robot is fitted, but poses that are taken as they are given."""
+    return bool((calibration.model.tolerances <= EXACT).all())
+
+
+def state_result(
+    calibration: Calibration,
+    before: Mapping[str, float | int],
+    after: Mapping[str, float | int],
+    *,
+    name: str = "",
+    digits: tuple[int, int] = (3, 3),
+) -> Said:
+    """State the result of a calibration.
+
+    Args:
+        calibration: the calibration.
+        before: `Validation.summary` of the nominal model.
+        after: of the calibrated one, on the same rows: those held out, or fitted where there are none.
+        name: of the robot, where it is not its own.
+        digits: behind the point, of both errors.
+    """
+    name, observed = name or calibration.model.robot.name, calibration.layout.observed
+    count = None if calibration.held_out is None else int(after["n"])
+    if are_exact(calibration):
+        return Said(
+            "{name}: the mean 3D error is {mean} mm ({where}), of poses that are taken as they are given.",
+            name=name,
+            mean=numeral(after["mean_mm"], f".{digits[1]}f"),
+            where=_sample(count),
+        )
+    in_space = all(kind.width - kind.angles in (0, 3) for kind in observed)
+    alone = any(kind.width == kind.angles for kind in observed)
+    angles = (before["mean_mrad"], after["mean_mrad"]) if alone else None
+    return verdict(name, before["mean_mm"], after["mean_mm"], count, in_space=in_space, angles=angles, digits=digits)
+
+
+def fit_facts(calibration: Calibration) -> list[tuple[str, str]]:
+    """State what a fit rests on: model error, prior, and where its targets are; label and text."""
+    scale, targets = calibration.prior_scale, calibration.T_tool_target
+    origin, given = model_error_origin(calibration), prior_scale_origin(calibration)
+    first, *turns = (error * 1e3 for error in calibration.model_error)
+    size = Said("{error:.3g} mm", error=first)
+    for turn in turns:
+        size = Said("{size} and {turn:.3g} mrad", size=size, turn=turn)
+    error = Said("{size} per axis (1σ), {origin}", size=size, origin=origin) if any(calibration.model_error) else origin
+    prior = Said("no prior") if scale is None else Said("{scale:.3g} times the tolerances", scale=scale)
+    prior = joined(", ", [prior, given]) if scale is not None and given else prior
+    if calibration.group_deviations is not None and scale is not None:
+        prior = Said("estimated for each group of parameters")
+    where = zip(calibration.targets, targets, describe_unobservable(calibration.layout.registration), strict=True)
+    facts: list[tuple[str, str]] = [(Said("model error"), error)]
+    facts += [(Said("prior scale"), prior)] if len(calibration.estimated) else []
+    for name, T, unsure in where:
+        at = Said("at {place} of the tool frame", place=state_placement(se3.placement(T)))
+        facts.append((Said("target {name}", name=name), joined("; ", [at, unsure]) if unsure else at))
+    return facts
+
+
+def state_placement(placed: Mapping[str, Any]) -> Said:
+    """State a pose: position in millimetres, and quaternion."""
+    position = joined(" ", (numeral(value, ".3f") for value in placed["position_mm"]))
+    quaternion = joined(" ", (numeral(value, ".6f") for value in placed["quaternion"]))
+    return Said("{position} mm, quaternion {quaternion}", position=position, quaternion=quaternion)
 
 
 # Held-out rows.
 
 PARTS = {
-    "neighbours": "groups of neighbouring poses",
-    "blocks": "blocks of consecutive rows",
-    "rows": "single rows",
-    "chosen": "groups of neighbouring poses among the rows that were not chosen",
+    "neighbours": Said("groups of neighbouring poses"),
+    "blocks": Said("blocks of consecutive rows"),
+    "rows": Said("single rows"),
+    "chosen": Said("groups of neighbouring poses among the rows that were not chosen"),
 }
 """Rows that are held out together, in words."""
 
@@ -137,46 +225,58 @@ MAX_PARTS = 40
 """Parts that a table lists; more fill a page."""
 
 
-def describe_held_out(held_out: HeldOut) -> str:
+def describe_held_out(held_out: HeldOut) -> Said:
     """State how rows were held out, and how much the parts differ."""
     means = held_out.part_means * 1e3
-    mean = held_out.validation.mean * 1e3
     kind = PARTS[held_out.by]
-    folds = f"{held_out.folds} folds of {kind}" if held_out.folds else f"{len(means)} {kind}"
-    seen = "each predicted by a fit of the others" if held_out.folds else "excluded from the fit"
-    coverage = "" if held_out.inside is None else f"; {describe_coverage(held_out.inside)}"
-    if len(means) < 2:
-        return f"{folds}, {seen}: mean {mean:.3f} mm; a single part has no standard error{coverage}"
-    return (
-        f"{folds}, {seen}: mean {mean:.3f} mm, standard error {held_out.standard_error * 1e3:.3f} mm; parts from "
-        f"{means.min():.3f} to {means.max():.3f} mm{coverage}"
+    parts = (
+        Said("{count} folds of {kind}, each predicted by a fit of the others", count=held_out.folds, kind=kind)
+        if held_out.folds
+        else Said("{count} {kind}, excluded from the fit", count=len(means), kind=kind)
     )
+    mean = Said("{parts}: mean {mean:.3f} mm", parts=parts, mean=held_out.validation.mean * 1e3)
+    said = (
+        Said("{mean}; a single part has no standard error", mean=mean)
+        if len(means) < 2
+        else Said(
+            "{mean}, standard error {error:.3f} mm; parts from {low:.3f} to {high:.3f} mm",
+            mean=mean,
+            error=held_out.standard_error * 1e3,
+            low=means.min(),
+            high=means.max(),
+        )
+    )
+    return said if held_out.inside is None else joined("; ", [said, describe_coverage(held_out.inside)])
 
 
-def describe_coverage(inside: Float[np.ndarray, "..."]) -> str:
+def describe_coverage(inside: Float[np.ndarray, "..."]) -> Said:
     """State how many points are in their 95 % regions; NaN for those that have none."""
     share = share_inside(inside)
     if share is None:
-        return "95 % regions not judged: these rows suffice only to locate what they were measured from"
-    return f"coverage {100 * share:.1f} % ({int(np.nansum(inside))} of {np.isfinite(inside).sum()} points) of the 95 % regions"
+        return Said("95 % regions not judged: these rows suffice only to locate what they were measured from")
+    return Said(
+        "coverage {share:.1f} % ({inside} of {count} points) of the 95 % regions",
+        share=100 * share,
+        inside=int(np.nansum(inside)),
+        count=int(np.isfinite(inside).sum()),
+    )
 
 
 def held_out_section(calibration: Calibration) -> Section:
     """Make the section of held-out rows; an advice where there are none."""
     held_out = calibration.held_out
     if held_out is None:
-        advice = (
+        advice = Said(
             "No rows were held out, so that the error at other poses is not known: fit residuals underestimate it. Identify with "
             "--holdout 0.3, or with --folds 5, which uses every row."
         )
-        return Section("Held-out error", advice)
-    summaries = {NOMINAL: held_out.nominal_validation.summary(), "calibrated": held_out.validation.summary()}
-    sentence = describe_held_out(held_out)
-    note = "The figure to quote. Any x, y and z are the axes of the robot's base."
+        return Section(Said("Held-out error"), advice)
+    summaries = {NOMINAL: held_out.nominal_validation.summary(), CALIBRATED: held_out.validation.summary()}
+    note = Said("The figure to quote. Any x, y and z are the axes of the robot's base.")
     return Section(
-        "Held-out error",
-        f"{sentence[0].upper()}{sentence[1:]}.",
-        tabulate_errors(summaries, "Position error of held-out rows", of="model", note=note),
+        Said("Held-out error"),
+        Said("{said}.", said=describe_held_out(held_out)),
+        tabulate_errors(summaries, Said("Position error of held-out rows"), of=Said("model"), note=note),
         _tabulate_parts(held_out) if 1 < len(held_out.part_means) <= MAX_PARTS else None,
     )
 
@@ -188,16 +288,18 @@ def _tabulate_parts(held_out: HeldOut) -> Table:
         (part, own[np.isfinite(own)]) for part in np.unique(held_out.part) for own in (length[held_out.part == part],)
     ]
     columns = (
-        Column("fold" if held_out.folds else "group", lambda part: int(part[0]), "d"),
-        Column("points", lambda part: len(part[1]), "d"),
-        millimetres("mean mm", lambda part: part[1].mean()),
-        millimetres("max mm", lambda part: part[1].max()),
+        Column(Said("fold") if held_out.folds else Said("group"), lambda part: int(part[0]), "d"),
+        Column(Said("points"), lambda part: len(part[1]), "d"),
+        millimetres(Said("mean mm"), lambda part: part[1].mean()),
+        millimetres(Said("max mm"), lambda part: part[1].max()),
     )
     return Table.of(
-        "Part by part",
+        Said("Part by part"),
         columns,
         [part for part in parts if len(part[1])],
-        note="Where one part is much worse than the others, the poses around it are too few, or the robot differs there.",
+        note=Said(
+            "Where one part is much worse than the others, the poses around it are too few, or the robot differs there."
+        ),
         folded=True,
     )
 
@@ -205,29 +307,31 @@ def _tabulate_parts(held_out: HeldOut) -> Table:
 def ladder_section(rungs: Sequence[Rung]) -> Section:
     """Make the section of nested models, from the nominal one to all effects."""
     columns = (
-        Column("model", "name"),
-        Column("parameters", "parameters", "d"),
-        millimetres("mean mm", "mean"),
+        Column(Said("model"), lambda rung: term(rung.name)),
+        Column(Said("parameters"), "parameters", "d"),
+        millimetres(Said("mean mm"), "mean"),
         millimetres("p95 mm", "p95"),
     )
     chart = Chart(
-        "Cross-validated error by model stage",
+        Said("Cross-validated error by model stage"),
         draw_ladder_rungs(rungs),
-        "A bar that is shorter than the one above it: this stage reduces the error. Equal bars: further parameters do not "
-        "help. Neighbouring poses are held out together, in five parts.",
+        Said(
+            "A bar that is shorter than the one above it: this stage reduces the error. Equal bars: further parameters do not "
+            "help. Neighbouring poses are held out together, in five parts."
+        ),
     )
-    return Section("Error reduction by model stage", chart, Table.of("Nested models", columns, rungs))
+    return Section(Said("Error reduction by model stage"), chart, Table.of(Said("Nested models"), columns, rungs))
 
 
 def draw_ladder_rungs(rungs: Sequence[Rung]) -> Figure:
     """Draw a bar for each nested model, with the 95th percentile as a tick."""
     places = range(len(rungs))
-    mean = Series(kind="bars", name="mean", x=[1e3 * rung.mean for rung in rungs], y=places)
+    mean = Series(kind="bars", name=Said("mean"), x=[1e3 * rung.mean for rung in rungs], y=places)
     tail = Series(
-        name="95th percentile", shape="tick", colour=VERMILION, x=[1e3 * rung.p95 for rung in rungs], y=places
+        name=Said("95th percentile"), shape="tick", colour=VERMILION, x=[1e3 * rung.p95 for rung in rungs], y=places
     )
-    names = tuple(f"{rung.name} ({rung.parameters})" for rung in rungs)
-    x = Axis(title="cross-validated 3D error", unit="mm")
+    names = tuple(Said("{name} ({parameters})", name=term(rung.name), parameters=rung.parameters) for rung in rungs)
+    x = Axis(title=Said("cross-validated 3D error"), unit="mm")
     return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=(mean, tail)),))
 
 
@@ -246,18 +350,22 @@ def parameters_section(calibration: Calibration) -> Section:
     found = identifiability(geometry, calibration.q)
     estimated = len(calibration.estimated) > 0
     return Section(
-        "Parameters",
+        Said("Parameters"),
         Chart(
-            "Effect of every parameter on the TCP at the measured poses",
+            Said("Effect of every parameter on the TCP at the measured poses"),
             draw_effects(sensitivity(geometry, calibration.q)),
-            "Far to the right: a geometric error of one tolerance (1σ) moves the tool far. Near zero: it hardly matters here, "
-            "and is poorly determined by these poses. Along the robot's base axes, and in space.",
+            Said(
+                "Far to the right: a geometric error of one tolerance (1σ) moves the tool far. Near zero: it hardly matters here, "
+                "and is poorly determined by these poses. Along the robot's base axes, and in space."
+            ),
         ),
         Chart(
-            "Estimated parameters",
+            Said("Estimated parameters"),
             draw_parameters({"fit": calibration}),
-            "Bars are two standard errors. A bar that crosses zero: the geometric error is not significant. Linearly dependent "
-            "parameters share the estimate.",
+            Said(
+                "Bars are two standard errors. A bar that crosses zero: the geometric error is not significant. Linearly dependent "
+                "parameters share the estimate."
+            ),
         )
         if estimated
         else None,
@@ -281,52 +389,59 @@ def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Tabl
         for p, value, error in zip(parameters, calibration.estimate, calibration.standard_errors, strict=True)
     ]
     columns = (
-        Column("parameter", lambda i: parameters[i].label),
-        Column("estimate", lambda i: intervals[i][0] if i in estimated else "0, fixed", "s"),
-        Column("95 % interval", lambda i: intervals[i][1], "s"),
-        Column("tolerance (1σ)", lambda i: parameters[i].tolerance * parameters[i].shown.factor, ".3g"),
-        Column("unit", lambda i: parameters[i].shown.name),
+        Column(Said("parameter"), lambda i: parameters[i].label),
+        Column(Said("estimate"), lambda i: intervals[i][0] if i in estimated else Said("0, fixed"), "s"),
+        Column(Said("95 % interval"), lambda i: intervals[i][1], "s"),
+        Column(Said("tolerance (1σ)"), lambda i: parameters[i].tolerance * parameters[i].shown.factor, ".3g"),
+        Column(Said("unit"), lambda i: parameters[i].shown.name),
         Column(
-            "status", lambda i: _status(parameters[i].name, i in estimated, informed.get(parameters[i].name), found)
+            Said("status"),
+            lambda i: _status(parameters[i].name, i in estimated, informed.get(parameters[i].name), found),
         ),
     )
     return Table.of(
-        f"All {len(parameters)} parameters: {len(estimated)} were estimated",
+        Said("All {count} parameters: {estimated} were estimated", count=len(parameters), estimated=len(estimated)),
         columns,
         range(len(parameters)),
-        note="Digits are those that the standard error leaves. A parameter that was not estimated is fixed at zero, and counts "
-        "with its tolerance in every uncertainty.",
+        note=Said(
+            "Digits are those that the standard error leaves. A parameter that was not estimated is fixed at zero, and counts "
+            "with its tolerance in every uncertainty."
+        ),
         folded=True,
     )
 
 
-def _status(name: str, kept: bool, informed: bool | None, found: Identifiability) -> str:
+def _status(name: str, kept: bool, informed: bool | None, found: Identifiability) -> Said:
     """Whether a parameter was estimated, or why not."""
     dependent = name in found.dependent or name in found.zero
     if kept and informed is False:
-        return "estimated; prior-dominated"
+        return Said("estimated; prior-dominated")
+    if kept and dependent:
+        return Said("estimated; determined only together with its dependent parameters")
     if kept:
-        return "estimated; determined only together with its dependent parameters" if dependent else "estimated"
+        return Said("estimated")
     if name in found.zero:
-        return "left out: no effect on the TCP here"
-    return "left out: linearly dependent here" if dependent else "left out by choice"
+        return Said("left out: no effect on the TCP here")
+    return Said("left out: linearly dependent here") if dependent else Said("left out by choice")
 
 
 def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
     """Exact linear dependence at the fitted poses."""
     symbols = {p.name: p.symbol or p.name for p in model.parameters}
-    rows = [(symbols[name], "0: no effect on the TCP") for name in found.zero]
+    rows: list[tuple[str, str]] = [(symbols[name], Said("0: no effect on the TCP")) for name in found.zero]
     for name, terms in found.dependent.items():
-        few = dict(sorted(terms.items(), key=lambda term: -abs(term[1]))[:MAX_TERMS])
-        more = f" … ({len(terms) - MAX_TERMS} more)" if len(terms) > MAX_TERMS else ""
-        rows.append((symbols[name], describe_combination(few, symbols) + more))
+        few = dict(sorted(terms.items(), key=lambda one: -abs(one[1]))[:MAX_TERMS])
+        said, more = describe_combination(few, symbols), len(terms) - MAX_TERMS
+        rows.append((symbols[name], Said("{said} … ({more} more)", said=said, more=more) if more > 0 else said))
     return Table.of_rows(
-        f"Linear dependence: {len(rows)} parameters equal others at the measured poses",
-        ("a geometric error in", "moves the TCP exactly as"),
+        Said("Linear dependence: {count} parameters equal others at the measured poses", count=len(rows)),
+        (Said("a geometric error in"), Said("moves the TCP exactly as")),
         rows,
         text_columns=(0, 1),
-        note="No measurement of the TCP at these poses separates the two sides; their estimate is shared in proportion to "
-        "the tolerances. Per metre and radian.",
+        note=Said(
+            "No measurement of the TCP at these poses separates the two sides; their estimate is shared in proportion to "
+            "the tolerances. Per metre and radian."
+        ),
         folded=True,
     )
 
@@ -335,16 +450,19 @@ def _tabulate_correlations(calibration: Calibration) -> Table:
     found = largest_correlations(calibration, MAX_CORRELATIONS)
     largest = max((round(abs(value), 3) for *_, value in found), default=0.0)
     columns = (
-        Column("parameter", lambda pair: pair[0]),
-        Column("and", lambda pair: pair[1]),
-        Column("correlation", lambda pair: signed(pair[2], 3), "s"),
+        Column(Said("parameter"), lambda pair: pair[0]),
+        Column(Said("and"), lambda pair: pair[1]),
+        Column(Said("correlation"), lambda pair: signed(pair[2], 3), "s"),
     )
     return Table.of(
-        "Largest correlations of the estimated parameters",
+        Said("Largest correlations of the estimated parameters"),
         columns,
         found,
-        note=f"The nearer to 1, the less the two are determined individually; the largest here is {largest:.3f}. Predictions "
-        "account for it.",
+        note=Said(
+            "The nearer to 1, the less the two are determined individually; the largest here is {largest:.3f}. Predictions "
+            "account for it.",
+            largest=largest,
+        ),
         folded=True,
     )
 
@@ -375,19 +493,30 @@ def _draw_estimates(calibration: Calibration, truth: Float[np.ndarray, " p"] | N
     panels: list[Panel] = []
     for (effect, unit), every in groups.items():
         columns = sorted(sorted(every, key=lambda i: -clear[i])[:MAX_DRAWN])
-        title = f"effects in {unit.name}" if effect else {"mm": "lengths", "mrad": "angles"}[unit.name]
+        title = (
+            Said("effects in {unit}", unit=unit.name)
+            if effect
+            else {"mm": Said("lengths"), "mrad": Said("angles")}[unit.name]
+        )
         if len(columns) < len(every):
-            title += f": {len(columns)} of {len(every)}, those largest over their standard errors"
+            title = Said(
+                "{title}: {count} of {every}, those largest over their standard errors",
+                title=title,
+                count=len(columns),
+                every=len(every),
+            )
         places, labels = range(len(columns)), [model.parameters[i].name for i in columns]
         value, half = calibration.estimate[columns] * unit.factor, 2.0 * errors[columns] * unit.factor
-        name = "estimate, two standard errors"
+        name = Said("estimate, two standard errors")
         series = [Series(name=name, x=value, y=places, low=value - half, high=value + half, labels=labels)]
         if truth is not None:
             true = truth[columns] * unit.factor
             series.append(
-                Series(name="truth", x=true, y=places, labels=labels, hollow=True, colour=VERMILION, shape="diamond")
+                Series(
+                    name=Said("truth"), x=true, y=places, labels=labels, hollow=True, colour=VERMILION, shape="diamond"
+                )
             )
-        x = Axis(title="effect" if effect else "geometric error", unit=unit.name)
+        x = Axis(title=Said("effect") if effect else Said("geometric error"), unit=unit.name)
         names = tuple(model.parameters[i].symbol or model.parameters[i].name for i in columns)
         zero = Level(at=0.0, name="", along="x")
         panels.append(Panel(title=title, x=x, y=Axis(categories=names), series=tuple(series), levels=(zero,)))
@@ -400,24 +529,38 @@ def _draw_estimates(calibration: Calibration, truth: Float[np.ndarray, " p"] | N
 def provenance_section(calibration: Calibration) -> Section:
     """Make the section of provenance."""
     source, registration = calibration.provenance, calibration.layout.registration
-    rows = [
-        ("robot", source.robot),
-        ("robot file, digest", source.robot_digest),
-        ("effects", ", ".join(effect.name for effect in calibration.model.effects) or "none"),
-        ("campaign", source.campaign),
-        ("campaign, digest", source.campaign_digest),
-        *(("campaign, as read", note) for note in source.notes),
-        ("rows", str(source.rows)),
-        ("registration", f"from {registration.method}{f', {registration.file}' if registration.file else ''}"),
-        ("made", source.created),
-        ("by Taskcal", source.version),
-        *((str(key), _words(value)) for key, value in source.options.items()),
-        ("ended", f"{calibration.reason}; {calibration.iterations} iterations in the last of {calibration.rounds} rounds"),
-    ]  # fmt: skip
-    return Section("Provenance", Table.of_rows("Provenance", ("entry", "value"), rows, text_columns=(0, 1)))
+    found = [term(registration.method), *filter(None, [registration.file])]
+    rows: list[tuple[str, str]] = [
+        (Said("robot"), source.robot),
+        (Said("robot file, digest"), source.robot_digest),
+        (Said("effects"), ", ".join(effect.name for effect in calibration.model.effects) or Said("none")),
+        (Said("campaign"), source.campaign),
+        (Said("campaign, digest"), source.campaign_digest),
+        *((Said("campaign, as read"), note) for note in source.notes),
+        (Said("rows"), str(source.rows)),
+        (Said("registration"), Said("from {found}", found=joined(", ", found))),
+        (Said("made"), source.created),
+        (Said("by Taskcal"), source.version),
+        *((str(key), say_option(value)) for key, value in source.options.items()),
+        (Said("ended"), state_end(calibration.reason, calibration.iterations, calibration.rounds)),
+    ]
+    return Section(
+        Said("Provenance"), Table.of_rows(Said("Provenance"), (Said("entry"), Said("value")), rows, text_columns=(0, 1))
+    )
 
 
-def _words(value: object) -> str:
+def state_end(reason: str, iterations: int, rounds: int) -> Said:
+    """State how a fit ended."""
+    return Said(
+        "{reason}; {iterations} iterations in the last of {rounds} rounds",
+        reason=term(reason),
+        iterations=iterations,
+        rounds=rounds,
+    )
+
+
+def say_option(value: object) -> str:
+    """Say the value of an option of a fit."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {item}" for key, item in value.items())  # pyright: ignore[reportUnknownVariableType]
     if isinstance(value, list | tuple):
@@ -434,13 +577,8 @@ MIN_LEVERAGE = 0.3
 """Share of the largest movement by a turn, below which a pose does not determine that turn."""
 
 
-def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
-    """Make the section of the residual analysis.
-
-    Args:
-        analysis: of the residuals.
-        rows: which poses they are, in words.
-    """
+def residual_analysis_section(analysis: ResidualAnalysis) -> Section:
+    """Make the section of the residual analysis."""
     numbers = [
         (f"{analysis.rms * 1e3:.3f}", "mm", "3D residual (rms, mean of the targets)"),
         (f"{analysis.tracker * 1e3:.3f}", "mm", "expected of the tracker's noise alone"),
@@ -451,23 +589,23 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
             (f"{analysis.non_rigid * 1e3:.3f}", "mm", "per coordinate: motion of targets against each other (rms)"),
         ]
     method = (
-        f"A smooth function of each quantity is fitted to the residuals of {rows} and predicts those of held-out poses. p is the "
-        "probability of such a share if the quantity does not matter, by permutation among the poses."
+        f"A smooth function of each quantity is fitted to the residuals of {len(analysis.residual)} poses and predicts those of "
+        "held-out poses. p is the probability of such a share if the quantity does not matter, by permutation among the poses."
     )
     judged = any(e.p_value is not None for e in analysis.explained)
     columns = (
-        Column("quantity", lambda e: e.regressor.name),
-        Column("moves", lambda e: e.regressor.moves),
-        Column("share %", lambda e: round(100 * e.share, 1) + 0.0, ".1f"),
+        Column(Said("quantity"), lambda e: e.regressor.name),
+        Column(Said("moves"), lambda e: e.regressor.moves),
+        Column(Said("share"), lambda e: f"{round(100 * e.share, 1) + 0.0:.1f} %", "s"),
         Column("p", "p_value", ".2g"),
     )
     return Section(
-        "Residual analysis",
+        Said("Residual analysis"),
         method,
         Numbers(*numbers),
         Points(*_findings(analysis)),
         Chart(
-            "Residual variance explained, by quantity",
+            Said("Residual variance explained, by quantity"),
             draw_shares(analysis),
             "Each quantity by itself; correlated quantities share what they explain. Empty: not significant, as chance "
             f"gives as much more often than once in {1 / MAX_P_VALUE:.0f} or the share is under {100 * MIN_SHARE:.0f} %.",
@@ -475,17 +613,17 @@ def residual_analysis_section(analysis: ResidualAnalysis, rows: str) -> Section:
         if judged
         else None,
         Chart(
-            "Residual against each quantity",
+            Said("Residual against each quantity"),
             draw_against(analysis),
-            "Turns are those of the joint that the measured points require, at poses that determine them.",
+            Said("Turns are those of the joint that the measured points require, at poses that determine them."),
         )
         if analysis.explained
         else None,
         Table.of(
-            f"All {len(analysis.explained)} quantities",
+            f"Residual variance explained, by quantity: all {len(analysis.explained)}",
             columns,
             analysis.explained,
-            note="Share of the variance on held-out poses; below zero, the quantity predicts worse than none.",
+            note=Said("Share of the variance on held-out poses; below zero, the quantity predicts worse than none."),
             folded=True,
         ),
     )
@@ -517,7 +655,7 @@ def draw_shares(analysis: ResidualAnalysis) -> Figure:
         hollow=[not e.proven for e in rows],
         labels=[f"{name}, p {e.p_value:.2g}" for name, e in zip(names, rows, strict=True)],
     )
-    x = Axis(title="share of the variance on held-out poses", unit="%")
+    x = Axis(title=Said("share of the variance on held-out poses"), unit="%")
     return Figure(panels=(Panel(x=x, y=Axis(categories=names), series=(bars,)),))
 
 
@@ -543,7 +681,7 @@ def draw_against(analysis: ResidualAnalysis) -> Mapping[str, Figure]:
                 ),
             ]  # fmt: skip
         x = Axis(title=regressor.name, unit=regressor.unit)
-        panel = Panel(x=x, y=Axis(title="residual", unit=unit), series=tuple(series), height=320.0)
+        panel = Panel(x=x, y=Axis(title=Said("residual"), unit=unit), series=tuple(series), height=320.0)
         views[f"{regressor.name} ({regressor.unit})"] = Figure(panels=(panel,))
     return views
 
@@ -564,9 +702,11 @@ def _along(
 def range_section(calibration: Calibration) -> Section:
     """Make the section of the joint range that was measured."""
     return Section(
-        "Measured range",
-        "Predictions and corrections inside this range interpolate between measured poses. Outside of it they extrapolate, and "
-        "their uncertainty grows: measure there before you rely on them.",
+        Said("Measured range"),
+        Said(
+            "Predictions and corrections inside this range interpolate between measured poses. Outside of it they extrapolate, and "
+            "their uncertainty grows: measure there before you rely on them."
+        ),
         tabulate_range(calibration),
     )
 
@@ -576,14 +716,14 @@ def tabulate_range(calibration: Calibration) -> Table:
     robot, measured = calibration.model.robot, calibration.measured_range
 
     def limits(j: int) -> str:
-        return measured.interval(j, *robot.limits[j]) if np.isfinite(robot.limits[j]).all() else "none"
+        return measured.interval(j, *robot.limits[j]) if np.isfinite(robot.limits[j]).all() else Said("none")
 
     columns = (
-        Column("joint", lambda j: robot.joint_names[j]),
-        Column("measured", measured.describe, "s"),
-        Column("limits", limits, "s"),
+        Column(Said("joint"), lambda j: robot.joint_names[j]),
+        Column(Said("measured"), measured.describe, "s"),
+        Column(Said("limits"), limits, "s"),
     )
-    return Table.of("Joint range of the fitted rows", columns, range(len(robot.joints)))
+    return Table.of(Said("Joint range of the fitted rows"), columns, range(len(robot.joints)))
 
 
 # Residuals of the fitted rows.
@@ -597,17 +737,21 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         errors: at the fitted rows; None where their joint positions are not known.
     """
     kinds = calibration.layout.observed
-    axes = "Along the robot's base axes" if not kinds or kinds[0].along_axes else "Along the sensor's axes"
-    if kinds and not kinds[0].along_axes and kinds[0].width == 1:
-        axes = "The one number that was read"
+    along = not kinds or kinds[0].along_axes
+    axes = Said("Along the robot's base axes") if along else Said("Along the sensor's axes")
+    if kinds and not along and kinds[0].width == 1:
+        axes = Said("The one number that was read")
     blocks: list[Block] = [] if errors is None else _error_charts(calibration, errors)
     blocks.insert(
         0,
         Chart(
-            f"Measured less predicted, target {calibration.targets[0]}",
-            draw_residuals({calibration.provenance.campaign or "the campaign": {"fit": calibration}}),
-            "A band about zero without steps, drifts or waves: the residuals look like chance. A step: something moved. "
-            f"{axes}, pose by pose.",
+            Said("Measured less predicted, target {target}", target=calibration.targets[0]),
+            draw_residuals({calibration.provenance.campaign or Said("the campaign"): {"fit": calibration}}),
+            Said(
+                "A band about zero without steps, drifts or waves: the residuals look like chance. A step: something moved. "
+                "{axes}, pose by pose.",
+                axes=axes,
+            ),
         ),
     )
     base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
@@ -616,30 +760,36 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         for t, name in enumerate(calibration.targets)
         if not np.isnan(residuals[:, t]).all()
     }
-    note = "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
-    blocks.append(tabulate_errors(summaries, "Residuals of the fitted rows", of="target", note=note))
-    return Section("Fit residuals", *blocks)
+    note = Said(
+        "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
+    )
+    blocks.append(tabulate_errors(summaries, Said("Residuals of the fitted rows"), of=Said("target"), note=note))
+    return Section(Said("Fit residuals"), *blocks)
 
 
 def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:
     return [
         Chart(
-            "Residuals along each axis, by target",
+            Said("Residuals along each axis, by target"),
             draw_by_axis(calibration, errors),
-            "Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
-            "direction, is measured differently. Half of the values are in the box; single points are far out.",
+            Said(
+                "Boxes about zero and alike: no axis and no target stands out. A box off zero: this target, or this "
+                "direction, is measured differently. Half of the values are in the box; single points are far out."
+            ),
         ),
         Chart(
-            "Residuals against joint angle",
+            Said("Residuals against joint angle"),
             draw_over_joints(calibration, errors),
-            "A trend or wave indicates an error of this joint; a flat scatter does not.",
+            Said("A trend or wave indicates an error of this joint; a flat scatter does not."),
         ),
         Chart(
-            "Error against the rotation of the tool",
+            Said("Error against the rotation of the tool"),
             draw_over_orientation(calibration, errors),
-            "A circle for every measured pose, of several targets the worst; a circle among the crosses is a pose at which the "
-            "calibration does not reduce the error. Circles that rise to the right: the error grows with the rotation; then "
-            "measure more orientations. Most campaigns have few poses far to the right.",
+            Said(
+                "A circle for every measured pose, of several targets the worst; a circle among the crosses is a pose at which the "
+                "calibration does not reduce the error. Circles that rise to the right: the error grows with the rotation; then "
+                "measure more orientations. Most campaigns have few poses far to the right."
+            ),
         ),
     ]
 
@@ -679,13 +829,15 @@ def _residual_panel(campaign: str, calibration: Calibration, unit: LengthUnit) -
             y=values[:, k],
             colour=colour,
             shape=SHAPES[k],
-            labels=[f"pose {n}, id {name}" for n, name in enumerate(calibration.ids, start=1)],
+            labels=[Said("pose {n}, id {name}", n=n, name=name) for n, name in enumerate(calibration.ids, start=1)],
             rows=range(len(values)),
         )
         for k, (letter, colour) in enumerate(list(AXIS_COLOURS.items())[: values.shape[1]])
     )
-    y = Axis(title="residual", unit=unit.name)
-    return Panel(title=f"measured in {campaign}", x=Axis(title="measured pose"), y=y, series=series)
+    y = Axis(title=Said("residual"), unit=unit.name)
+    return Panel(
+        title=Said("measured in {campaign}", campaign=campaign), x=Axis(title=Said("measured pose")), y=y, series=series
+    )
 
 
 def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
@@ -700,10 +852,10 @@ def _first_residuals(calibration: Calibration) -> Float[np.ndarray, "n axes"]:
 
 def draw_histogram(before: Validation | None, after: Validation, tolerances: Mapping[str, float]) -> Figure:
     """Draw how many points have which error, nominal and calibrated, with tolerances, metres."""
-    models = {NOMINAL: before, "calibrated": after}
+    models = {NOMINAL: before, CALIBRATED: after}
     errors = {name: _lengths(one) for name, one in models.items() if one is not None}
     top = max(float(max(values.max(initial=0.0) for values in errors.values())), 1e-6)
-    count = int(np.clip(np.sqrt(len(errors["calibrated"])) * 2, MIN_BINS, MAX_BINS))
+    count = int(np.clip(np.sqrt(len(errors[CALIBRATED])) * 2, MIN_BINS, MAX_BINS))
     edges = np.linspace(0.0, top * (1.0 + 1e-9), count + 1)
     series = tuple(
         Series(
@@ -717,8 +869,8 @@ def draw_histogram(before: Validation | None, after: Validation, tolerances: Map
         for name, values in errors.items()
     )
     levels = tuple(Level(at=at * 1e3, name=name, along="x") for name, at in tolerances.items())
-    x = Axis(title="3D error" if after.in_space else "error", unit="mm", zero=True)
-    return Figure(panels=(Panel(x=x, y=Axis(title="points", zero=True), series=series, levels=levels),))
+    x = Axis(title=Said("3D error") if after.in_space else Said("error"), unit="mm", zero=True)
+    return Figure(panels=(Panel(x=x, y=Axis(title=Said("points"), zero=True), series=series, levels=levels),))
 
 
 def _lengths(errors: Validation) -> Float[np.ndarray, " n"]:
@@ -739,17 +891,17 @@ def draw_over_orientation(calibration: Calibration, errors: MeasuredErrors) -> F
     series: list[Series] = []
     for name, values, colour, shape in (
         (NOMINAL, errors.before, VERMILION, "x"),
-        ("calibrated", errors.after, BLUE, "circle"),
+        (CALIBRATED, errors.after, BLUE, "circle"),
     ):
         length = 1e3 * np.linalg.norm(values[..., :3], axis=2)
         length = np.where(np.isfinite(length), length, -1.0).max(axis=1)  # the worst of the targets that were seen
         seen = np.where(length >= 0.0, length, np.nan)
-        labels = [f"id {name}" for name in calibration.ids]
+        labels = [Said("id {name}", name=name) for name in calibration.ids]
         series.append(
             Series(name=name, x=turned, y=seen, colour=colour, shape=shape, labels=labels, rows=range(len(seen)))
         )
-    x = Axis(title="rotation of the tool from its mean orientation", unit="°", zero=True)
-    return Figure(panels=(Panel(x=x, y=Axis(title="3D error", unit="mm", zero=True), series=tuple(series)),))
+    x = Axis(title=Said("rotation of the tool from its mean orientation"), unit="°", zero=True)
+    return Figure(panels=(Panel(x=x, y=Axis(title=Said("3D error"), unit="mm", zero=True), series=tuple(series)),))
 
 
 def turn_from_mean(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, " n"]:
@@ -767,7 +919,7 @@ def draw_over_joints(calibration: Calibration, errors: MeasuredErrors) -> Figure
     panels = tuple(
         Panel(
             x=Axis(title=name, unit="mm" if slides else "°"),
-            y=Axis(title="residual", unit="mm", zero=True),
+            y=Axis(title=Said("residual"), unit="mm", zero=True),
             height=170.0,
             series=tuple(
                 Series(
@@ -776,7 +928,7 @@ def draw_over_joints(calibration: Calibration, errors: MeasuredErrors) -> Figure
                     y=length[:, t],
                     colour=SERIES[(t + 1) % len(SERIES)],
                     shape=SHAPES[t % len(SHAPES)],
-                    labels=[f"id {name}" for name in calibration.ids],
+                    labels=[Said("id {name}", name=name) for name in calibration.ids],
                     rows=range(len(length)),
                 )
                 for t, target in enumerate(targets)
@@ -800,26 +952,26 @@ def draw_by_axis(calibration: Calibration, errors: MeasuredErrors) -> Figure:
         )
         for t in targets
     )
-    x = Axis(title="measured less predicted", unit="mm")
+    x = Axis(title=Said("measured less predicted"), unit="mm")
     zero = Level(at=0.0, name="", along="x")
     return Figure(panels=(Panel(x=x, y=Axis(categories=("X", "Y", "Z")), series=series, levels=(zero,)),))
 
 
 # Tables of parameters and outliers, for the terminal and for the page.
 
-MODEL, READING = "model error", "reading"
+MODEL, READING = Said("model error"), Said("reading")
 """Likely causes of an outlier."""
 
-SHARED_ERROR = (
+SHARED_ERROR = Said(
     "Model error: neighbouring rows or poses have similar errors, so that measuring again does not help; fit effects "
     "(--effects auto), or measure more poses there. Where something moved for a while, taskcal doctor finds it."
 )
-SINGLE_ERROR = "Reading: isolated among its neighbours; measure again, or leave out."
-MOSTLY_OUTLIERS = (
+SINGLE_ERROR = Said("Reading: isolated among its neighbours; measure again, or leave out.")
+MOSTLY_OUTLIERS = Said(
     "Most points are outliers, so that no single row is at fault: the model error exceeds the stated one, or robot, target or "
     "tracker frame are not those that were calibrated."
 )
-COUNTED = "Rows of the campaign, counted from 0, and lines of its file, counted from 1."
+COUNTED = Said("Rows of the campaign, counted from 0, and lines of its file, counted from 1.")
 
 
 def tabulate_parameters(calibration: Calibration, *, leave_out: Callable[[str], bool] = lambda _: False) -> Table:
@@ -836,19 +988,19 @@ def tabulate_parameters(calibration: Calibration, *, leave_out: Callable[[str], 
         return lambda i: float(values[i]) * parameters[i].shown.factor
 
     columns = (
-        Column("parameter", lambda i: parameters[i].name),
-        Column("symbol", lambda i: parameters[i].symbol),
-        Column("estimate", shown(calibration.estimate), "+.4f"),
+        Column(Said("parameter"), lambda i: parameters[i].name),
+        Column(Said("symbol"), lambda i: parameters[i].symbol),
+        Column(Said("estimate"), shown(calibration.estimate), "+.4f"),
         Column("SE (1σ)", shown(calibration.standard_errors), ".4f"),
-        Column("tolerance", shown(calibration.model.tolerances), ".4f"),
-        Column("unit", lambda i: parameters[i].shown.name),
-        Column("", lambda i: "prior-dominated" if informed[parameters[i].name] is False else ""),
+        Column(Said("tolerance"), shown(calibration.model.tolerances), ".4f"),
+        Column(Said("unit"), lambda i: parameters[i].shown.name),
+        Column("", lambda i: Said("prior-dominated") if informed[parameters[i].name] is False else ""),
     )
     return Table.of(
-        f"The {len(rows)} identified parameters",
+        Said("The {count} identified parameters", count=len(rows)),
         columns,
         rows,
-        note="Prior-dominated: not determined by the measurements; the standard error (SE) is that of the prior.",
+        note=Said("Prior-dominated: not determined by the measurements; the standard error (SE) is that of the prior."),
         folded=True,
     )
 
@@ -856,7 +1008,7 @@ def tabulate_parameters(calibration: Calibration, *, leave_out: Callable[[str], 
 def tabulate_outliers(calibration: Calibration) -> Table:
     """Tabulate outliers of the fit, and whether the reading or the model is at fault."""
     mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
-    return tabulate_judged(calibration.outliers, calibration.shared_outliers, "residual mm", mostly=mostly)
+    return tabulate_judged(calibration.outliers, calibration.shared_outliers, Said("residual mm"), mostly=mostly)
 
 
 def tabulate_judged(
@@ -874,18 +1026,20 @@ def tabulate_judged(
     causes = ["" if mostly else MODEL if alike else READING for alike in shared]
     remedies = {MODEL: SHARED_ERROR, READING: SINGLE_ERROR, "": MOSTLY_OUTLIERS}
     columns = (
-        Column("row", lambda judged: judged[0].row, "d"),
-        Column("line", lambda judged: judged[0].line, "d"),
-        Column("id", lambda judged: judged[0].id),
-        Column("target", lambda judged: judged[0].target),
+        Column(Said("row"), lambda judged: judged[0].row, "d"),
+        Column(Said("line"), lambda judged: judged[0].line, "d"),
+        Column(Said("id"), lambda judged: judged[0].id),
+        Column(Said("target"), lambda judged: judged[0].target),
         millimetres(length, lambda judged: judged[0].residual),
-        Column("error / 1σ", lambda judged: judged[0].studentised, ".1f"),
-        Column("likely cause", lambda judged: judged[1]),
+        Column(Said("error / 1σ"), lambda judged: judged[0].studentised, ".1f"),
+        Column(Said("likely cause"), lambda judged: judged[1]),
     )
     rows = list(zip(outliers, causes, strict=True))[:count]
-    more = f", the {len(rows)} worst of {len(outliers)}" if len(rows) < len(outliers) else ""
-    note = " ".join([COUNTED, *(remedies[cause] for cause in dict.fromkeys(causes))])
-    return Table.of(f"Outliers (significance level 1 % for the campaign){more}", columns, rows, note=note)
+    title = Said("Outliers (significance level 1 % for the campaign)")
+    if len(rows) < len(outliers):
+        title = Said("{title}, the {count} worst of {every}", title=title, count=len(rows), every=len(outliers))
+    note = joined(" ", [COUNTED, *(remedies[cause] for cause in dict.fromkeys(causes))])
+    return Table.of(title, columns, rows, note=note)
 
 
 def are_most(outliers: int, points: int) -> bool:
@@ -893,36 +1047,41 @@ def are_most(outliers: int, points: int) -> bool:
     return 2 * outliers > points
 
 
-def describe_outliers(shared: Sequence[bool], *, mostly: bool) -> str:
+def describe_outliers(shared: Sequence[bool], *, mostly: bool) -> Said:
     """Count outliers by their cause, with what to do about them."""
     alone, alike = sum(not one for one in shared), sum(shared)
     if not shared:
-        return "none"
+        return Said("none")
+    count = Said("{count} outliers", count=len(shared)) if len(shared) > 1 else Said("1 outlier")
     if mostly:
-        return f"{len(shared)} outliers. {MOSTLY_OUTLIERS}"
-    causes = [f"{alike} with similar errors nearby: {MODEL}, do not measure again"] if alike else []
-    causes += [f"{alone} isolated: measure again, or leave out"] if alone else []
-    return f"{len(shared)} outlier{'s' if len(shared) > 1 else ''}, {'; '.join(causes)}"
+        return Said("{count}. {why}", count=count, why=MOSTLY_OUTLIERS)
+    causes = (
+        [Said("{count} with similar errors nearby: {cause}, do not measure again", count=alike, cause=MODEL)]
+        if alike
+        else []
+    )
+    causes += [Said("{count} isolated: measure again, or leave out", count=alone)] if alone else []
+    return joined(", ", [count, joined("; ", causes)])
 
 
 def tabulate_left_out(calibration: Calibration) -> Table:
     """Tabulate rejected rows, which contradict all others."""
     columns = (
-        Column("row", "row", "d"),
-        Column("line", "line", "d"),
-        Column("id", "id"),
-        millimetres("error mm", "distance", ".2f"),
-        Column("error / 1σ", "studentised", ".0f"),
+        Column(Said("row"), "row", "d"),
+        Column(Said("line"), "line", "d"),
+        Column(Said("id"), "id"),
+        millimetres(Said("error mm"), "distance", ".2f"),
+        Column(Said("error / 1σ"), "studentised", ".0f"),
     )
-    title = "Gross errors, rejected: measure these rows again"
+    title = Said("Gross errors, rejected: measure these rows again")
     return Table.of(title, columns, calibration.left_out, note=COUNTED)
 
 
 def tabulate_stations(calibration: Calibration) -> Table:
     """Tabulate where a tracker stood that was moved; empty where no station is named."""
     columns = (
-        Column("station", "name"),
-        Column("rows", "rows", "d"),
+        Column(Said("station"), "name"),
+        Column(Said("rows"), "rows", "d"),
         *(Column(f"{axis} mm", lambda one, k=k: one["position_mm"][k], ".3f") for k, axis in enumerate("xyz")),
         *(Column(f"1σ {axis} mm", lambda one, k=k: one["standard_error_mm"][k], ".3f") for k, axis in enumerate("xyz")),
         *(
@@ -930,8 +1089,10 @@ def tabulate_stations(calibration: Calibration) -> Table:
             for k, axis in enumerate("xyz")
         ),
     )
-    note = "Origin of the robot's base in the tracker frame of each station; 1σ along and about its axes, geometry unknown."
-    return Table.of("Stations of the tracker", columns, list_stations(calibration), note=note)
+    note = Said(
+        "Origin of the robot's base in the tracker frame of each station; 1σ along and about its axes, geometry unknown."
+    )
+    return Table.of(Said("Stations of the tracker"), columns, list_stations(calibration), note=note)
 
 
 # Target offsets that the poses do not determine.
@@ -955,14 +1116,19 @@ def _describe_common(unlocated: Float[np.ndarray, "offsets offsets"]) -> str:
     directions = np.einsum("tisj->ij", unlocated.reshape(count, 3, count, 3)) / count
     common = np.kron(np.full((count, count), 1.0 / count), directions)
     if not np.allclose(common, unlocated, atol=MAX_UNDETERMINED):
-        return "offset not identifiable in every direction from these poses; there held as near to the TCP as possible"
-    what = "offset" if count == 1 else "common offset of all targets"
+        return Said(
+            "offset not identifiable in every direction from these poses; there held as near to the TCP as possible"
+        )
+    what = Said("offset") if count == 1 else Said("common offset of all targets")
     values, vectors = np.linalg.eigh(directions)
     rank = int((values > 0.5).sum())
     if rank == 3:
-        return f"{what} not identifiable from these poses; held at the TCP"
-    where = f"along {_axis(vectors[:, -1])}" if rank == 1 else f"across {_axis(vectors[:, 0])}"
-    return f"{what} not identifiable {where} of the tool from these poses; held at the TCP there"
+        return Said("{what} not identifiable from these poses; held at the TCP", what=what)
+    along, across = (_axis(vectors[:, k]) for k in (-1, 0))
+    where = Said("along {axis}", axis=along) if rank == 1 else Said("across {axis}", axis=across)
+    return Said(
+        "{what} not identifiable {where} of the tool from these poses; held at the TCP there", what=what, where=where
+    )
 
 
 def _axis(direction: Float[np.ndarray, " 3"]) -> str:
@@ -985,7 +1151,7 @@ def summary_section(
     calibration: Calibration,
     errors: MeasuredErrors | None,
     over: Uncertainty | None,
-    judged: Verdict | None = None,
+    judged: Mapping[str, Any] | None = None,
     space: Workspace | None = None,
 ) -> Section:
     """Make the first section.
@@ -994,48 +1160,56 @@ def summary_section(
         calibration: the calibration.
         errors: at the fitted rows; None where they are not known.
         over: uncertainty over a task, if one was named.
-        judged: the verdict, which has the tolerances.
+        judged: the verdict, which has the tolerances, as `Verdict.summary` has it.
         space: the task's workspace.
     """
     before, after = _before_after(calibration, errors)
     held_out = calibration.held_out
-    sample = "held-out rows" if held_out is not None else "fitted rows"
-    what = "mean 3D prediction error" if after.in_space else "mean prediction error"
+    sample = Said("held-out rows") if held_out is not None else Said("fitted rows")
+    what = Said("mean 3D prediction error") if after.in_space else Said("mean prediction error")
     robot, said, nominal = calibration.model.robot, None, None
     doubt = _standard_error(after, held_out)
     worth, tail = (decimals_of(factor * doubt * 1e3) for factor in (1.0, QUANTILE_ERROR))
     if before is not None:
         worth_before = decimals_of(_standard_error(before, None) * 1e3)
-        name, means = robot.title or robot.name, (before.mean * 1e3, after.mean * 1e3)
-        told = [one.summary() for one in (before, after)]
-        alone = any(kind.width == kind.angles for kind in calibration.layout.observed)
-        angles = (float(told[0]["mean_mrad"]), float(told[1]["mean_mrad"])) if alone else None
-        count = None if held_out is None else int(told[1]["n"])
-        said = verdict(name, *means, count, in_space=after.in_space, angles=angles, digits=(worth_before, worth))
-        nominal = (f"{before.mean * 1e3:.{worth_before}f}", "mm", f"{what} of the nominal model (registered), {sample}")
+        told = (before.summary(), after.summary())
+        said = state_result(calibration, *told, name=robot.title, digits=(worth_before, worth))
+        of_nominal = Said("{what} of the nominal model (registered), {sample}", what=what, sample=sample)
+        nominal = (numeral(before.mean * 1e3, f".{worth_before}f"), "mm", of_nominal)
     return Section(
-        "Summary",
+        Said("Summary"),
         said,
         Numbers(
             nominal,
-            (f"{after.mean * 1e3:.{worth}f}", "mm", f"{what} of the calibrated model, {sample}"),
-            (f"{after.p95 * 1e3:.{tail}f}", "mm", f"95th percentile of the error, {sample}"),
-            (f"{after.maximum * 1e3:.{tail}f}", "mm", f"largest error, {sample}")
+            (
+                numeral(after.mean * 1e3, f".{worth}f"),
+                "mm",
+                Said("{what} of the calibrated model, {sample}", what=what, sample=sample),
+            ),
+            (
+                numeral(after.p95 * 1e3, f".{tail}f"),
+                "mm",
+                Said("95th percentile of the error, {sample}", sample=sample),
+            ),
+            (numeral(after.maximum * 1e3, f".{tail}f"), "mm", Said("largest error, {sample}", sample=sample))
             if over is None
             else (
-                f"{over.target * 1e3:.{decimals_of(over.target * 1e3)}f}",
+                numeral(over.target * 1e3, f".{decimals_of(over.target * 1e3)}f"),
                 "mm",
-                f"standard uncertainty of the target over {over.task} (3D, rms)",
+                Said("standard uncertainty of the target over {task} (3D, rms)", task=over.task),
             ),
         ),
         None if errors is None else robot_scene(calibration, errors, space),
         Chart(
-            f"Error of the {sample}, nominal and calibrated",
+            Said("Error of the {sample}, nominal and calibrated", sample=sample),
             draw_histogram(before, after, _tolerances(judged)),
-            "The farther left, the better. Points beyond a tolerance miss it by themselves; the verdict judges the rms over the "
-            "task.",
+            Said(
+                "The farther left, the better. Points beyond a tolerance miss it by themselves; the verdict judges the rms over "
+                "the task."
+            ),
         ),
-        Points(*_remarks(calibration)),
+        Points(*remarks) if (remarks := _remarks(calibration)) else None,
+        Facts(*fit_facts(calibration)),
         tabulate_stations(calibration) if calibration.stations else None,
     )
 
@@ -1046,20 +1220,21 @@ def _standard_error(errors: Validation, held_out: HeldOut | None) -> float:
     return by_part if np.isfinite(by_part) else float(np.nanstd(errors.errors)) / np.sqrt(max(len(errors), 1))
 
 
-def _tolerances(judged: Verdict | None) -> dict[str, float]:
+def _tolerances(judged: Mapping[str, Any] | None) -> dict[str, float]:
     """Tolerances by their names, metres."""
-    found = (
-        {} if judged is None else {one.subject: one.tolerance for one in judged.judgements if one.tolerance is not None}
-    )
+    stated = {one["subject"]: one["tolerance_mm"] for one in (judged or {"judgements": ()})["judgements"]}
+    found = {subject: tolerance * 1e-3 for subject, tolerance in stated.items() if tolerance is not None}
     if len(set(found.values())) == 1:
-        return {"tolerance": next(iter(found.values()))}
-    return {f"tolerance of the {subject}": tolerance for subject, tolerance in found.items()}
+        return {Said("tolerance"): next(iter(found.values()))}
+    return {
+        Said("tolerance of the {subject}", subject=term(subject)): tolerance for subject, tolerance in found.items()
+    }
 
 
 def outliers_section(calibration: Calibration) -> Section:
     """Make the section of rejected rows and outliers."""
     tables = [one for one in (tabulate_left_out(calibration), tabulate_outliers(calibration)) if len(one)]
-    return Section("Outliers", *(tables or ["No outliers and no rejected rows."]))
+    return Section(Said("Outliers"), *(tables or [Said("No outliers and no rejected rows.")]))
 
 
 def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tuple[Validation | None, Validation]:
@@ -1074,33 +1249,23 @@ def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tu
 
 
 def _remarks(calibration: Calibration) -> tuple[str, ...]:
-    """Statements that need attention, and what the fit rests on."""
+    """Statements that need attention."""
     outliers, rejected = len(calibration.outliers), len(calibration.left_out)
-    said = [f"{remark[0].upper()}{remark[1:].rstrip('.')}." for remark in calibration.remarks]
-    if rejected:
-        said.append(f"{rejected} row{'s' if rejected > 1 else ''} rejected as gross errors: see Outliers.")
+    told = [f"{remark[0].upper()}{remark[1:].rstrip('.')}." for remark in calibration.remarks]
+    if rejected == 1:
+        told.append(Said("1 row rejected as gross errors: see Outliers."))
+    elif rejected:
+        told.append(Said("{count} rows rejected as gross errors: see Outliers.", count=rejected))
     if outliers:
         mostly = are_most(outliers, int(np.isfinite(calibration.studentised).sum()))
-        said.append(f"{describe_outliers(calibration.shared_outliers, mostly=mostly).rstrip('.')}. See Outliers.")
-    described = zip(calibration.targets, describe_unobservable(calibration.layout.registration), strict=True)
-    said += [f"Target {name}: {sentence}." for name, sentence in described if sentence]
-    rotation = "".join(f" and {e * 1e3:.3f} mrad" for e in calibration.model_error[1:])
-    position = calibration.model_error[0] * 1e3
-    size = f"{position:.3f} mm{rotation} per axis (1σ), " if any(calibration.model_error) else ""
-    said.append(f"Model error: {size}{model_error_origin(calibration)}.")
-    scale, origin = calibration.prior_scale, prior_scale_origin(calibration)
-    if scale is not None:
-        said.append(
-            f"Prior standard deviations: {scale:.2g} times the tolerances{f' ({origin})' if origin else ''}."
-            if calibration.group_deviations is None
-            else "Prior standard deviations: estimated for each group of parameters."
-        )
-    return tuple(said)
+        said = describe_outliers(calibration.shared_outliers, mostly=mostly)
+        told.append(Said("{said} See Outliers.", said=said if mostly else Said("{said}.", said=said)))
+    return tuple(told)
 
 
 # Uncertainty budgets, and the uncertainty over a task.
 
-_BUDGET_RULE = (
+_BUDGET_RULE = Said(
     "The sources are independent and add as squares (GUM, JCGM 100:2008, 5.1). A: from the residuals of this campaign; B: known "
     "beforehand."
 )
@@ -1113,51 +1278,58 @@ def predicted_uncertainty_section(budget: UncertaintyBudget, where: str) -> Sect
         budget: of a predicted position.
         where: over which poses, in words.
     """
-    text = (
-        f"Standard uncertainty of the predicted position of the first target, rms over {where}. {_BUDGET_RULE} The tracker's noise "
-        "is in the first line, as far as it went into the fit; measuring a point again adds the tracker's own."
+    text = Said(
+        "Standard uncertainty of the predicted position of the first target, rms over {where}. {rule} The tracker's noise is in "
+        "the first line, as far as it went into the fit; measuring a point again adds the tracker's own.",
+        where=where,
+        rule=_BUDGET_RULE,
     )
-    return _budget_section("Uncertainty of a predicted position", text, budget)
+    return _budget_section(Said("Uncertainty of a predicted position"), text, budget)
 
 
 def corrected_uncertainty_section(budget: UncertaintyBudget) -> Section:
     """Make the section of the targets of a corrected program."""
-    text = (
-        f"Standard uncertainty of the tool at a target of the corrected program, rms over its targets. {_BUDGET_RULE} Tool and "
-        "part are as uncertain as the cell file states, or else as they are built. Not included: deflection by cutting forces, "
-        "unless the calibration has them, and wear of the tool."
+    text = Said(
+        "Standard uncertainty of the tool at a target of the corrected program, rms over its targets. {rule} Tool and part are "
+        "as uncertain as the cell file states, or else as they are built. Not included: deflection by cutting forces, unless the "
+        "calibration has them, and wear of the tool.",
+        rule=_BUDGET_RULE,
     )
-    return _budget_section("Uncertainty of a corrected position", text, budget)
+    return _budget_section(Said("Uncertainty of a corrected position"), text, budget)
 
 
 def _budget_section(title: str, text: str, budget: UncertaintyBudget) -> Section:
     combined = budget.combined
     form = f".{decimals_of(combined * 1e3)}f"
     columns = (
-        Column("source", lambda row: row[0]),
-        Column("type", lambda row: row[1]),
+        Column(Said("source"), lambda row: row[0]),
+        Column(Said("type"), lambda row: row[1]),
         millimetres("u, mm", lambda row: row[2], form),
-        Column("share %", lambda row: row[3], "s"),
+        Column(Said("share %"), lambda row: row[3], "s"),
     )
     ordered = sorted(budget.contributions, key=lambda one: -one.deviation)
     rows = [
-        (one.source, one.evaluation, one.deviation, f"{100.0 * one.deviation**2 / max(combined**2, 1e-300):.0f}")
+        (term(one.source), one.evaluation, one.deviation, f"{100.0 * one.deviation**2 / max(combined**2, 1e-300):.0f}")
         for one in ordered
     ]
+    expanded = Said("expanded uncertainty U along one axis (k = {factor:g})", factor=COVERAGE_FACTOR)
     rows += [
-        ("combined standard uncertainty u, 3D", "", combined, "100"),
-        (f"expanded uncertainty U along one axis (k = {COVERAGE_FACTOR:g})", "", budget.expanded, ""),
+        (Said("combined standard uncertainty u, 3D"), "", combined, "100"),
+        (expanded, "", budget.expanded, ""),
     ]
-    see = f" The largest contribution is {ordered[0].source}." if ordered else ""
-    return Section(title, text + see, Table.of("Uncertainty budget", columns, rows))
+    if ordered:
+        largest = term(ordered[0].source)
+        text = Said("{text} The largest contribution is {source}.", text=text, source=largest)
+    return Section(title, text, Table.of(Said("Uncertainty budget"), columns, rows))
 
 
-def _task_section(over: Uncertainty) -> Section:
+def task_uncertainty_section(over: Uncertainty) -> Section:
+    """Make the section of the uncertainty over a task."""
     reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
     text = (
-        f"Standard uncertainty over {over.task}, 3D, rms. Measured target in the tracker frame: {over.target * 1e3:.3f} mm; tool "
-        f"point in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: TCP "
-        f"{over.before * 1e3:.3f} mm. Model error adds to these.{reach}"
+        f"Standard uncertainty over {over.task}, 3D, rms. Measured target in the tracker frame: {over.target * 1e3:.3f} mm; TCP "
+        f"of the robot file in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: TCP "
+        f"{over.before * 1e3:.3f} mm. The first two have the model error, and what is not told of how a pose is reached.{reach}"
     )
     difference = (
         "Measurements of a single target locate that target, not its offset from the tool. The offset is estimated by the fit, so "
@@ -1166,36 +1338,38 @@ def _task_section(over: Uncertainty) -> Section:
     )
     if over.slices:
         chart = Chart(
-            "Uncertainty over the workspace (3D standard uncertainty)",
+            Said("Uncertainty over the workspace (3D standard uncertainty)"),
             draw_maps(over.slices, over.maps),
-            "Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
-            "robot's reach. Each view has its own scale of colours.",
+            Said(
+                "Bright is worse: measure more poses there. In the tool orientation of the task's middle. White: out of the "
+                "robot's reach. Each view has its own scale of colours."
+            ),
         )
     else:
         chart = Chart(
-            "95 % intervals pose by pose",
+            Said("95 % intervals pose by pose"),
             draw_bands(over.deviations),
-            "The higher the line, the wider the interval about the prediction. Along the robot's base axes.",
+            Said("The higher the line, the wider the interval about the prediction. Along the robot's base axes."),
         )
-    return Section("TCP uncertainty over the task", text, difference, chart)
+    return Section(Said("TCP uncertainty over the task"), text, difference, chart)
 
 
-def calibration_page(
+def calibration_sections(
     calibration: Calibration,
     *,
-    judged: Verdict | None = None,
+    judged: Mapping[str, Any] | None = None,
     over: Uncertainty | None = None,
     space: Workspace | None = None,
     campaign: Campaign | None = None,
     images: Path | None = None,
     remainder: ResidualAnalysis | None = None,
     rungs: Sequence[Rung] = (),
-) -> Page:
-    """Make the page of a calibration.
+) -> list[Section]:
+    """Make the sections of a calibration.
 
     Args:
         calibration: the calibration.
-        judged: the verdict.
+        judged: the verdict, which has the tolerances, as `Verdict.summary` has it.
         over: uncertainty over a task, if one was named.
         space: the task's workspace.
         campaign: whose corners are shown, if one was named.
@@ -1203,30 +1377,43 @@ def calibration_page(
         remainder: its residuals.
         rungs: nested models, on that campaign.
     """
-    model, source = calibration.model, calibration.provenance
     errors = measured_errors(calibration)
-    sections = [] if judged is None else [verdict_section(judged)]
-    sections.append(summary_section(calibration, errors, over, judged, space))
-    sections += [held_out_section(calibration), range_section(calibration), residuals_section(calibration, errors)]
+    sections = [
+        summary_section(calibration, errors, over, judged, space),
+        held_out_section(calibration),
+        range_section(calibration),
+        residuals_section(calibration, errors),
+    ]
     pictured = camera_section(calibration, campaign, images)
     sections += [] if pictured is None else [pictured]
     if remainder is not None:
-        sections.append(residual_analysis_section(remainder, f"{len(remainder.residual)} poses"))
+        sections.append(residual_analysis_section(remainder))
     if errors is not None:
-        sections.append(predicted_uncertainty_section(budget_at(calibration, calibration.q), "the measured poses"))
+        budget = budget_at(calibration, calibration.q)
+        sections.append(predicted_uncertainty_section(budget, Said("the measured poses")))
     if over is not None:
-        sections.append(_task_section(over))
+        sections.append(task_uncertainty_section(over))
     sections.append(parameters_section(calibration))
     if rungs:
         sections.append(ladder_section(rungs))
-    sections += [outliers_section(calibration), provenance_section(calibration)]
-    count = len(calibration.kept)
+    return [*sections, outliers_section(calibration), provenance_section(calibration)]
+
+
+def calibration_page(calibration: Calibration, sections: Sequence[Section]) -> Page:
+    """Make the page of a calibration.
+
+    Args:
+        calibration: the calibration.
+        sections: as `calibration_sections` makes them, behind that of the verdict.
+    """
+    model, source, count = calibration.model, calibration.provenance, len(calibration.kept)
     fitted = f"{count} parameters" if count == len(model) else f"{count} of {len(model)} parameters"
+    rows = f"{fitted} from {source.rows} rows of {source.campaign or 'a campaign'}"
+    known = describe_effective(rows, calibration.effective_parameters, calibration.parameter_groups)
     return Page(
         title=f"Calibration of the {model.robot.title or model.robot.name}",
         sections=sections,
-        lead=f"{fitted} from {source.rows} rows of {source.campaign or 'a campaign'}"
-        f"{describe_effective(calibration.effective_parameters, calibration.parameter_groups)}. All lengths are in millimetres.",
+        lead=f"{known}. All lengths are in millimetres.",
         source=f"calibration by Taskcal {source.version}, {source.created}",
         header=(edited_entry(calibration.edit_warning),) if calibration.edited else (),
     )

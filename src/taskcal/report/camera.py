@@ -17,8 +17,9 @@ from taskcal.observations import Pixels
 from taskcal.observations.camera import KILO, Lens, Pictures
 from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
-from taskcal.report.content import Chart, Column, Section, Table, decimals_of
+from taskcal.report.content import Chart, Column, Section, Table, WithMinus, decimals_of
 from taskcal.robot.error_model import ErrorModel
+from taskcal_groundwork.said import Said, joined, numeral, term
 
 MAX_ARROWS = 2000
 """Residuals that one picture shows, evenly chosen among all: more cover each other."""
@@ -32,7 +33,7 @@ MAX_IMAGES = 8
 ARROW_SHARE = 0.04
 """Of the image's width that an arrow takes at most, those of the largest twentieth apart: about the distance of corners."""
 
-ARROWS_NOTE = (
+ARROWS_NOTE = Said(
     "Each arrow goes from where a corner is predicted towards where it was seen, enlarged as stated. With the board of each image "
     "placed where it fits best, what is left is lens and noise: arrows that turn together, as in a ring or towards a corner, are "
     "of a lens that the model does not describe. With the board where the robot has it, the arrows of one image go the same way, "
@@ -239,11 +240,14 @@ def camera_section(
     )
     if campaign is None:
         return Section(
-            "Camera and hand-eye",
+            Said("Camera and hand-eye"),
             *own,
-            "The corners are not kept in a calibration. Their residuals, the part of the image they cover, and what the usual two "
-            "steps give, are shown by taskcal report CAL.json --campaign CAMPAIGN.csv --images FOLDER --board BOARD.toml, with the "
-            f"files that were fitted ({calibration.provenance.campaign}).",
+            Said(
+                "The corners are not kept in a calibration. Their residuals, the part of the image they cover, and what the usual "
+                "two steps give, are shown by taskcal report CAL.json --campaign CAMPAIGN.csv --images FOLDER --board BOARD.toml, "
+                "with the files that were fitted ({campaign}).",
+                campaign=calibration.provenance.campaign,
+            ),
         )
     kind, charts = _seen(calibration, campaign, t)[0], list[Chart]()
     assert kind.pictures is not None
@@ -253,43 +257,51 @@ def camera_section(
         several, numbers = len(kind.cameras) > 1, np.array([found["cameras"][name][k] for k in pictures.lens.unknowns])
         folder = images / name.removeprefix("camera ") if several and images is not None else images
         coverage, share = _draw_coverage(pictures)
-        of = f" of {name}" if several else ""
+        titles = Said("Residuals of the corners over the image"), Said("Corners over the image")
+        left, seen = (Said("{title} of {name}", title=one, name=name) for one in titles) if several else titles
         charts += [
+            Chart(left, _draw_arrows(pictures, residual, numbers, folder), ARROWS_NOTE),
             Chart(
-                f"Residuals of the corners over the image{of}",
-                _draw_arrows(pictures, residual, numbers, folder),
-                ARROWS_NOTE,
-            ),
-            Chart(
-                f"Corners over the image{of}",
+                seen,
                 coverage,
-                f"Corners were seen in {share:.0%} of {math.prod(COVERED)} parts. In empty ones the lens is extrapolated: let the "
-                "board reach them.",
+                Said(
+                    "Corners were seen in {share:.0%} of {parts} parts. In empty ones the lens is extrapolated: let the board "
+                    "reach them.",
+                    share=share,
+                    parts=math.prod(COVERED),
+                ),
             ),
         ]
-    return Section("Camera and hand-eye", *own, _tabulate_steps(found), *charts)
+    return Section(Said("Camera and hand-eye"), *own, _tabulate_steps(found), *charts)
 
 
 def _tabulate_camera(name: str, camera: Mapping[str, Any]) -> Table:
     """The camera's numbers and their standard errors."""
     errors: Mapping[str, float] = camera["standard_error"]
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (number, *_stated(camera[number], error), "px" if number in ("fx", "fy", "cx", "cy") else "")
         for number, error in errors.items()
     ]
     return Table.of_rows(
-        f"{name.capitalize()}: {camera['model']}, {camera['width']} × {camera['height']} pixels",
-        ("number", "value", "1σ", "unit"),
+        Said(
+            "{name}: {model}, {width} × {height} pixels",
+            name=name.capitalize(),
+            model=term(camera["model"]),
+            width=camera["width"],
+            height=camera["height"],
+        ),
+        (Said("number"), Said("value"), "1σ", Said("unit")),
         rows,
         text_columns=(0, 3),
-        note="As OpenCV defines them; the middle of the first pixel is 0, 0.",
+        note=Said("As OpenCV defines them; the middle of the first pixel is 0, 0."),
     )
 
 
 def _tabulate_places(found: Mapping[str, Any]) -> Table:
     """Where each camera and each board is, and how large a board is."""
     rows: list[dict[str, Any]] = []
-    for name, one in (*found["cameras"].items(), *((f"board {name}", one) for name, one in found["board"].items())):
+    boards = ((Said("board {name}", name=name), one) for name, one in found["board"].items())
+    for name, one in (*found["cameras"].items(), *boards):
         mm, mrad = (float(np.linalg.norm(one[f"standard_error_{unit}"])) for unit in ("mm", "mrad"))
         rows.append(
             {
@@ -304,18 +316,20 @@ def _tabulate_places(found: Mapping[str, Any]) -> Table:
         )
     columns = (
         Column("", "name"),
-        Column("in the frame of the", "frame"),
+        Column(Said("in the frame of the"), lambda one: term(one["frame"])),
         *(Column(f"{axis} mm", axis, ".2f") for axis in "xyz"),
         Column("1σ mm", "mm", ".3f"),
         Column("1σ °", "degrees", ".3f"),
-        Column("larger than stated ppm", "scale", ".0f"),
-        Column("1σ ppm", "scale_error", ".0f"),
+        Column(Said("larger than stated ppm"), "scale", ".0f"),
+        Column(Said("1σ ppm"), "scale_error", ".0f"),
     )
     return Table.of(
-        "Where cameras and boards are",
+        Said("Where cameras and boards are"),
         columns,
         rows,
-        note="Errors are in space, of the place and of the turn. The origin of a board is the outer corner of its first square.",
+        note=Said(
+            "Errors are in space, of the place and of the turn. The origin of a board is the outer corner of its first square."
+        ),
     )
 
 
@@ -323,48 +337,56 @@ def _tabulate_hand_eye(hand_eye: Mapping[str, Any]) -> Table:
     """Place and turn of what is on the wrist, in the tool frame, millimetres and degrees."""
     mm = zip("xyz", hand_eye["position_mm"], hand_eye["standard_error_mm"], strict=True)
     degrees = zip("xyz", np.degrees(np.array(hand_eye["standard_error_mrad"]) / 1e3), strict=True)
-    rows = [(axis, *_stated(value, error), "mm") for axis, value, error in mm]
-    rows += [(f"turn about {axis}", "–", f"{error:.{decimals_of(error)}f}", "°") for axis, error in degrees]
-    quaternion = " ".join(f"{value:.6f}" for value in hand_eye["quaternion"])
+    rows: list[tuple[str, ...]] = [(axis, *_stated(value, error), "mm") for axis, value, error in mm]
+    rows += [
+        (Said("turn about {axis}", axis=axis), "–", numeral(error, f".{decimals_of(error)}f"), "°")
+        for axis, error in degrees
+    ]
     return Table.of_rows(
-        f"Hand-eye: the {hand_eye['on_wrist']} in the tool frame",
-        ("number", "value", "1σ", "unit"),
+        Said("Hand-eye: the {on_wrist} in the tool frame", on_wrist=hand_eye["on_wrist"]),
+        (Said("number"), Said("value"), "1σ", Said("unit")),
         rows,
         text_columns=(0, 3),
-        note=f"Its orientation, as quaternion qx qy qz qw: {quaternion}. Turns are about the axes of the tool frame. "
-        "z of a camera is its line of sight; x points to the right in the image, y down.",
+        note=Said(
+            "Its orientation, as quaternion qx qy qz qw: {quaternion}. Turns are about the axes of the tool frame. z of a camera "
+            "is its line of sight; x points to the right in the image, y down.",
+            quaternion=joined(" ", (numeral(value, ".6f") for value in hand_eye["quaternion"])),
+        ),
     )
 
 
-def _stated(value: float, error: float) -> tuple[str, str]:
-    digits = decimals_of(error)
-    return f"{value:.{digits}f}".replace("-", "−"), f"{error:.{digits}f}"
+def _stated(value: float, error: float) -> tuple[Said, Said]:
+    form = f".{decimals_of(error)}f"
+    return numeral(WithMinus(value), form), numeral(error, form)
 
 
 def _tabulate_steps(found: Mapping[str, Any]) -> Table:
     """The fit beside the usual two steps."""
     steps = found["two_steps"]
     rows = [
-        {"method": "all in one fit", "px": found["reprojection_px"]},
+        {"method": Said("all in one fit"), "px": found["reprojection_px"]},
         {
-            "method": "camera first, then hand-eye, nominal robot",
+            "method": Said("camera first, then hand-eye, nominal robot"),
             "px": steps["reprojection_px"],
             "mm": steps["apart_mm"],
             "degrees": math.degrees(steps["apart_mrad"] / 1e3),
         },
     ]
     columns = (
-        Column("method", "method"),
-        Column("corners px rms", "px", ".2f"),
-        Column("hand-eye apart mm", "mm", ".3f"),
-        Column("apart °", "degrees", ".3f"),
+        Column(Said("method"), "method"),
+        Column(Said("corners px rms"), "px", ".2f"),
+        Column(Said("hand-eye apart mm"), "mm", ".3f"),
+        Column(Said("apart °"), "degrees", ".3f"),
     )
     return Table.of(
-        "The usual two steps on the same images",
+        Said("The usual two steps on the same images"),
         columns,
         rows,
-        note=f"Corners: seen less predicted, with the board where the robot has it; their noise is {found['corner_noise_px']:.2f} "
-        "px (1σ, each direction).",
+        note=Said(
+            "Corners: seen less predicted, with the board where the robot has it; their noise is {noise:.2f} px (1σ, each "
+            "direction).",
+            noise=found["corner_noise_px"],
+        ),
     )
 
 
@@ -372,21 +394,21 @@ def _draw_arrows(
     pictures: Pictures, residual: Float[np.ndarray, "c 2"], camera: Float[np.ndarray, " k"], images: Path | None
 ) -> Mapping[str, Figure]:
     """Residuals over the image plane: of all images, then of those with the largest ones, over these."""
-    robot = "board where the robot has it"
+    robot = Said("board where the robot has it")
     numbers = camera / np.repeat([KILO, 1.0], [4, len(camera) - 4])
     alone = pictures.residual(pictures.settle(numbers), numbers)
     every = np.arange(0, len(residual), math.ceil(len(residual) / MAX_ARROWS))
     panels = (
         _arrows(pictures, every, residual, VERMILION, robot),
-        _arrows(pictures, every, alone, BLUE, "board where it fits best"),
+        _arrows(pictures, every, alone, BLUE, Said("board where it fits best")),
     )
-    views = {"all images": Figure(panels=panels, columns=2)}
+    views: dict[str, Figure] = {Said("all images"): Figure(panels=panels, columns=2)}
     name_of = np.array(pictures.names, dtype=object)[pictures.of]
     each = {name: np.flatnonzero(name_of == name) for name in dict.fromkeys(pictures.names)}
     sizes = {name: _rms(residual[own]) for name, own in each.items()}
     for name in sorted(sizes, key=lambda one: -sizes[one])[:MAX_IMAGES]:
         own = each[name][:MAX_ARROWS]
-        views[f"{name}, {sizes[name]:.2f} px rms"] = Figure(
+        views[Said("{name}, {size:.2f} px rms", name=name, size=sizes[name])] = Figure(
             panels=(_arrows(pictures, own, residual, VERMILION, robot, _shown(images, name)),)
         )
     return views
@@ -419,7 +441,7 @@ def _arrows(
     strokes = np.stack([tail, tip, gap, tip + back + across, tip, tip + back - across, gap], axis=1)
     parts = np.array_split(strokes, math.ceil(len(strokes) / ARROWS_AT_ONCE))
     return Panel(
-        title=f"{what}: {_rms(r):.2f} px rms, arrows × {times:g}",
+        title=Said("{what}: {size:.2f} px rms, arrows × {times:g}", what=what, size=_rms(r), times=times),
         x=Axis(title="u", unit="px", span=(0.0, float(lens.width))),
         y=Axis(title="v", unit="px", span=(float(lens.height), 0.0)),
         series=tuple(
@@ -441,4 +463,4 @@ def _draw_coverage(pictures: Pictures) -> tuple[Figure, float]:
         cells=Cells(x=middles[0], y=middles[1], z=np.where(counts > 0, counts, np.nan).T),
         equal=True,
     )
-    return Figure(panels=(panel,), scale=(0.0, float(counts.max()), "corners")), float((counts > 0).mean())
+    return Figure(panels=(panel,), scale=(0.0, float(counts.max()), Said("corners"))), float((counts > 0).mean())

@@ -3,7 +3,7 @@
 import base64
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
 from typing import Any, Literal
@@ -142,6 +142,26 @@ class Figure:
     """Axes, ``x``, ``y`` or both, that have the same ends in all panels."""
     scale: tuple[float, float, str] = (0.0, 1.0, "")
     """Values of the darkest and the brightest cell, and their unit."""
+
+    def said(self, by: Callable[[str], str]) -> "Figure":
+        """The figure with all that it says as a function has it, such as that of a page's language."""
+
+        def axis(one: Axis) -> Axis:
+            return replace(one, title=by(one.title), categories=tuple(map(by, one.categories)))
+
+        panels = (
+            replace(
+                panel,
+                title=by(panel.title),
+                x=axis(panel.x),
+                y=axis(panel.y),
+                series=tuple(replace(s, name=by(s.name), labels=tuple(map(by, s.labels))) for s in panel.series),
+                levels=tuple(replace(level, name=by(level.name)) for level in panel.levels),
+            )
+            for panel in self.panels
+        )
+        low, high, unit = self.scale
+        return replace(self, panels=tuple(panels), scale=(low, high, by(unit)))
 
 
 def boxed(values: Float[np.ndarray, " n"]) -> tuple[float, float, float, float, float]:
@@ -520,6 +540,8 @@ def _line(x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"]) -> str:
 
 # The image.
 
+FIRST_TICK = 18.0
+"""Room of half the text at the left end of a horizontal axis, CSS pixels."""
 ROW = 19.0
 """Height of a category, CSS pixels; of several series with bars or boxes, each has 11 of its own."""
 
@@ -579,7 +601,7 @@ def _draw(
         names = [_wrapped(name, 0.42 * width) for name in panel.y.categories]
         row = max(ROW, *(SIZE * 1.1 * len(lines) + 6 for lines in names), 11.0 * len(dodged) + 7)
         scale = Scale(-0.5, len(names) - 0.5, False, y, y + row * len(names))
-        margin = 8 + max(text_width(line) for lines in names for line in lines)
+        margin = max(8 + max(text_width(line) for lines in names for line in lines), FIRST_TICK)
         labels = [
             _word(left + margin - 8, at + 4.5 + SIZE * 1.1 * (k - 0.5 * (len(lines) - 1)), line, ' text-anchor="end"')
             for at, lines in zip(scale.at(np.arange(len(names))), names, strict=True)

@@ -1,12 +1,23 @@
-"""Sentences and tables of a comparison of calibrations and of a validation, for the terminal."""
+"""Sentences, tables and sections of a comparison of calibrations, of a foreign model and of a validation."""
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from taskcal.errors import listed
 from taskcal.identification.comparison import Comparison
 from taskcal.identification.measured_range import describe_outside
-from taskcal.identification.validation import GUARD, Acceptance, Examination
-from taskcal.report.calibration import COUNTED, are_most, describe_coverage, tabulate_judged
-from taskcal.report.content import Column, Table
+from taskcal.identification.validation import GUARD, RULE_OF, Acceptance, Examination
+from taskcal.report.calibration import (
+    COUNTED,
+    are_most,
+    describe_coverage,
+    describe_outliers,
+    tabulate_errors,
+    tabulate_judged,
+)
+from taskcal.report.content import Column, Facts, Points, Section, Table
 
 MIN_CHANGE_SIGMAS = 2.0
 """Standard errors from which on a parameter is listed as changed: 5 % of unchanged ones are beyond."""
@@ -83,12 +94,76 @@ def tabulate_changes(comparison: Comparison, count: int | None = MAX_LISTED) -> 
     )
 
 
-# An examination, for the terminal.
+def comparison_section(title: str, comparison: Comparison, accuracy: float | None, *, all_parameters: bool) -> Section:
+    """Make the section of what changed between two calibrations.
+
+    Args:
+        title: which ones.
+        comparison: of them.
+        accuracy: at which recalibration may be due, metres; None for none.
+        all_parameters: whether all are listed, not only those that changed significantly.
+    """
+    changed = comparison.verdict != "unchanged"
+    return Section(
+        title,
+        title,
+        Points(*comparison.remarks) if comparison.remarks else None,
+        Facts(
+            ("change", describe_comparison(comparison)),
+            ("maximum", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
+            ("significance", describe_chance(comparison)),
+            ("consistent with", describe_resemblance(comparison)) if changed and comparison.resembles else None,
+            None if accuracy is None else ("recalibration", describe_due(comparison, accuracy)),
+        ),
+        tabulate_changes(comparison, None) if all_parameters else tabulate_changes(comparison),
+    )
+
+
+# A model that someone uses, beside a calibration.
+
+DISTANCES = (
+    Column("", "label"),
+    *(
+        Column(f"{words} {unit}", f"{name}_{key}", digits)
+        for unit, key, digits in (("mm", "mm", ".3f"), ("°", "deg", ".4f"))
+        for words, name in (("mean", "mean"), ("95 %", "p95"), ("max", "max"))
+    ),
+)
+
+MODELS = {"as it stands": "as_it_stands", "base and tool fitted": "frames_fitted", "nominal robot, fitted": "nominal"}
+
+
+def model_section(title: str, compared: Mapping[str, Any]) -> Section:
+    """Make the section of how far a model is from a calibration.
+
+    Args:
+        title: which ones.
+        compared: `ModelComparison.summary`.
+    """
+    worst = compared["worst"]
+    joints = ", ".join(
+        f"{name.rpartition('_')[0]} {value:.1f}{'°' if name.endswith('_deg') else ' mm'}"
+        for name, value in worst["joints"].items()
+    )
+    place = " ".join(f"{value:.1f}" for value in worst["position_mm"])
+    rows = [{"label": label, **compared[key]} for label, key in MODELS.items()]
+    return Section(
+        title,
+        title,
+        Table.of(f"distance of the TCP, and of its axes, over {compared['poses']} poses", DISTANCES, rows),
+        Facts(
+            ("farthest, fitted", f"at {place} mm: {joints}"),
+            ("uncertainty", f"of the calibration {compared['uncertainty_mm']:.3f} mm (3D rms, 1σ)"),
+        ),
+    )
+
+
+# An examination.
 
 MAX_COMPARED = 6
 """Stated lengths that are listed."""
 
-STATISTIC = {"max": "maximum error", "p95": "95th percentile", "rms": "rms error", "mean": "mean error"}
+STATISTIC = {"rms": "rms error", "max": "maximum error", "p95": "95th percentile", "mean": "mean error"}
 
 
 def tabulate_points(examination: Examination, count: int | None) -> Table:
@@ -150,18 +225,20 @@ def describe_compared(examination: Examination) -> str:
     """Compare stated lengths with the calibrated ones."""
     compared = examination.validation.compared
     off = np.abs([one.found - one.stated for one in compared]) * 1e3
-    listed = "; ".join(
-        f"{one.name} {one.found * 1e3:.3f} for {one.stated * 1e3:.3f} mm" for one in compared[:MAX_COMPARED]
-    )
-    more = f"; and {len(compared) - MAX_COMPARED} more" if len(compared) > MAX_COMPARED else ""
-    return f"mean error {off.mean():.3f} mm, maximum {off.max():.3f} mm: {listed}{more}"
+    every = (f"{one.name} {one.found * 1e3:.3f} for {one.stated * 1e3:.3f} mm" for one in compared)
+    return f"mean error {off.mean():.3f} mm, maximum {off.max():.3f} mm: {listed(every, MAX_COMPARED, '; ')}"
 
 
 def describe_rule(acceptance: Acceptance) -> str:
     """State the decision rule."""
+    own = (
+        "that of the verdict on a task"
+        if acceptance.of == RULE_OF
+        else f"asked for; the verdict's is the {STATISTIC[RULE_OF]}"
+    )
     return (
         f"accepted if the {STATISTIC[acceptance.of]} plus a guard band of {GUARD} standard uncertainties of the measurement is "
-        "within the limit (JCGM 106, guarded acceptance): consumer's risk at most 5 % at the limit"
+        f"within the limit (JCGM 106, guarded acceptance): consumer's risk at most 5 % at the limit. The statistic is {own}"
     )
 
 
@@ -175,3 +252,33 @@ def describe_decision(acceptance: Acceptance) -> str:
         "fail": f"FAIL: {error} exceeds the limit {limit} by more than the guard band",
         "undecided": f"FAIL: {error} is within the guard band {guard} of the limit {limit}; measure with a smaller uncertainty",
     }[acceptance.decision]
+
+
+def examination_section(
+    examination: Examination, where: str, acceptance: Acceptance | None, count: int | None
+) -> Section:
+    """Make the section of an examination.
+
+    Args:
+        examination: of a campaign.
+        where: robot, campaign and frames, in words.
+        acceptance: the decision, if one was asked for.
+        count: how many of the worst points and outliers; None for all.
+    """
+    validation = examination.validation
+    parts = {label.replace("_", " measured "): part.summary() for label, (part, _) in examination.by_range().items()}
+    statistic = "Position error" if validation.has_axes else "Error"
+    mostly = are_most(len(examination.outliers), len(validation))
+    return Section(
+        "Validation",
+        tabulate_errors({"predicted": validation.summary(), **parts}, f"{statistic} of {where}"),
+        tabulate_points(examination, count),
+        tabulate_examined_outliers(examination, count),
+        Facts(
+            ("stated distances", describe_compared(examination)) if validation.compared else None,
+            ("95 % regions", describe_regions(examination)),
+            ("outliers", describe_outliers(examination.shared, mostly=mostly)),
+            None if acceptance is None else ("decision", describe_decision(acceptance)),
+            None if acceptance is None else ("decision rule", describe_rule(acceptance)),
+        ),
+    )

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from taskcal_groundwork.said import Said, numeral
+
 if TYPE_CHECKING:
     from taskcal.identification.calibration import Calibration
     from taskcal.report.chart import Figure
@@ -32,14 +34,16 @@ class Column:
         return row.get(self.value) if isinstance(row, Mapping) else getattr(row, self.value)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
 
     def cell(self, row: Any) -> str:
-        """The value in a row as text."""
+        """The value in a row as text; a number as one that is said, so that a page has it with the comma of its language."""
         value = self.of(row)
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
             return "–"
         if not self.form or isinstance(value, str):
-            return str(value)
-        text = format(value if self.factor == 1.0 else value * self.factor, self.form)
-        return text.lstrip("+-") if self.form.endswith("f") and float(text) == 0.0 else text  # zero has no sign
+            return value if isinstance(value, str) else str(value)
+        size = value if self.factor == 1.0 else value * self.factor
+        if self.form.endswith("f") and float(format(size, self.form)) == 0.0:  # zero has no sign
+            return numeral(0.0, self.form.lstrip("+"))
+        return numeral(size, self.form)
 
 
 def millimetres(label: str, value: str | Callable[[Any], object], form: str = ".3f") -> Column:
@@ -62,6 +66,8 @@ class Table:
     """What the table shows."""
     folded: bool = False
     """Whether a page shows it only on demand."""
+    spare: tuple[str, ...] = ()
+    """Headers of columns that a terminal leaves out where it is too narrow, those that go first at the front."""
 
     @classmethod
     def of(
@@ -72,6 +78,7 @@ class Table:
         *,
         note: str = "",
         folded: bool = False,
+        spare: tuple[str, ...] = (),
     ) -> "Table":
         """A table of columns, each of which takes its value from every row.
 
@@ -81,6 +88,7 @@ class Table:
             rows: of the table, or of its groups by their headings.
             note: what it shows.
             folded: whether a page shows it only on demand.
+            spare: headers that a terminal leaves out where it is too narrow.
         """
         by_heading = rows if isinstance(rows, Mapping) else {"": rows}
         groups = {heading: list(group) for heading, group in by_heading.items()}
@@ -96,6 +104,7 @@ class Table:
             text_columns=tuple(k for k, column in enumerate(shown) if not column.form),
             note=note,
             folded=folded,
+            spare=spare,
         )
 
     @classmethod
@@ -151,6 +160,29 @@ class Numbers:
     def __init__(self, *items: tuple[str, str, str] | None) -> None:
         """Take numbers; what is None is left out."""
         object.__setattr__(self, "items", tuple(item for item in items if item is not None))
+
+
+@dataclass(frozen=True, init=False)
+class Facts:
+    """Labelled statements."""
+
+    kind: ClassVar[str] = "facts"
+    items: tuple[tuple[str, str], ...]
+    """Label and text."""
+
+    def __init__(self, *items: tuple[str, str] | None) -> None:
+        """Take statements; what is None is left out."""
+        object.__setattr__(self, "items", tuple(item for item in items if item is not None))
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next."""
+
+    kind: ClassVar[str] = "step"
+    words: str
+    about: str = ""
+    """What it is about, by which a page leads to where it is done."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +241,7 @@ class Scene:
         }
 
 
-Block = Table | Text | Points | Numbers | Commands | Chart | Scene
+Block = Table | Text | Points | Numbers | Facts | Step | Commands | Chart | Scene
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -224,11 +256,11 @@ class Section:
 
         Args:
             title: of the section.
-            blocks: in order; words alone are a paragraph, and what is None is left out.
+            blocks: in order; words alone are a paragraph, and what is None, or a table without rows, is left out.
         """
         object.__setattr__(self, "title", title)
         made = (Text(block) if isinstance(block, str) else block for block in blocks if block is not None)
-        object.__setattr__(self, "blocks", tuple(made))
+        object.__setattr__(self, "blocks", tuple(one for one in made if not isinstance(one, Table) or len(one)))
 
 
 # Tables and labelled lines as text of a given width, in which no word and no number is ever broken.
@@ -415,7 +447,7 @@ def decimals_of(uncertainty: float) -> int:
     return min(max(DIGITS - 1 - math.floor(math.log10(uncertainty)), 0), 9)
 
 
-def with_interval(value: float, uncertainty: float) -> tuple[str, str]:
+def with_interval(value: float, uncertainty: float) -> tuple[Said, Said]:
     """A value and its 95 % interval, with the same digits.
 
     Args:
@@ -424,51 +456,70 @@ def with_interval(value: float, uncertainty: float) -> tuple[str, str]:
     """
     digits = decimals_of(uncertainty)
     half = COVERAGE * uncertainty
-    return signed(value, digits), f"{signed(value - half, digits)} to {signed(value + half, digits)}"
+    low, high = (signed(value + side, digits) for side in (-half, half))
+    return signed(value, digits), Said("{low} to {high}", low=low, high=high)
 
 
-def signed(value: float, digits: int) -> str:
+class WithMinus(float):
+    """A number whose sign is a minus, not a hyphen."""
+
+    def __format__(self, form: str) -> str:
+        return super().__format__(form).replace("-", "−")
+
+
+def signed(value: float, digits: int) -> Said:
     """A number with its sign; nothing has none."""
-    text = f"{value:+.{digits}f}".replace("-", "−")
-    return text if float(text.replace("−", "-")) else f"{0.0:.{digits}f}"
+    if not float(f"{value:.{digits}f}"):
+        return numeral(0.0, f".{digits}f")
+    return numeral(WithMinus(value), f"+.{digits}f")
 
 
 # Models and their uncertainty in words.
 
-NOMINAL = "nominal (registered)"
+NOMINAL: str = Said("nominal (registered)")
 """The nominal model, with tracker frame and targets fitted to the measurements."""
 
+CALIBRATED: str = Said("calibrated")
 
-def model_error_origin(calibration: "Calibration") -> str:
+
+def model_error_origin(calibration: "Calibration") -> Said:
     """Whether the model error was given, estimated, or is not significant."""
     if calibration.provenance.options.get("model_error", "estimate") != "estimate":
-        return "as given"
+        return Said("as given")
     if not any(calibration.model_error):
-        return "not significant (below tracker noise)"
-    return f"residuals of geometry{' and effects' if calibration.model.effects else ''} beyond tracker noise"
+        return Said("not significant (below tracker noise)")
+    if calibration.model.effects:
+        return Said("residuals of geometry and effects beyond tracker noise")
+    return Said("residuals of geometry beyond tracker noise")
 
 
-def state_model_error(millimetres: float, origin: str, milliradians: float | None = None) -> str:
+def state_model_error(millimetres: float, origin: str, milliradians: float | None = None) -> Said:
     """State the model error on which a plan, a study or a choice of parameters is based, and its origin."""
-    rotation = "" if milliradians is None else f" and {milliradians:.3g} mrad"
-    return f"{millimetres:.3g} mm{rotation} per axis at every pose: {origin}"
+    size = Said("{error:.3g} mm", error=millimetres)
+    if milliradians is not None:
+        size = Said("{size} and {turn:.3g} mrad", size=size, turn=milliradians)
+    return Said("{size} per axis at every pose: {origin}", size=size, origin=origin)
 
 
-def describe_effective(effective: float | None, groups: int | None) -> str:
-    """State how many parameters the rows determine, after their number; empty where that is not known.
+def describe_effective(identified: str, effective: float | None, groups: int | None) -> str:
+    """State how many parameters the rows determine, after their number, where that is known.
 
     Args:
+        identified: the number, in words.
         effective: number of effective parameters.
         groups: of parameters whose size was estimated.
     """
     if effective is None:
-        return ""
-    sizes = {None: "", 1: ", with one estimated prior scale"}.get(
-        groups, f", in {groups} groups with an estimated size each"
-    )
-    return f"{sizes}: {effective:.1f} effective parameters"
+        return identified
+    if groups == 1:
+        identified = Said("{identified}, with one estimated prior scale", identified=identified)
+    elif groups is not None:
+        identified = Said(
+            "{identified}, in {groups} groups with an estimated size each", identified=identified, groups=groups
+        )
+    return Said("{identified}: {effective:.1f} effective parameters", identified=identified, effective=effective)
 
 
 def prior_scale_origin(calibration: "Calibration") -> str:
     """An addition to the prior's scale: whether it was given."""
-    return "as given" if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""
+    return Said("as given") if calibration.provenance.options.get("prior_scale", "estimate") != "estimate" else ""

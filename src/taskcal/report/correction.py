@@ -2,27 +2,28 @@
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robot_programs.core.program import Program
-from robot_programs.core.source import Place
-from taskcal.correction.correction import Correction, Deviations
-from taskcal.correction.verdict import Verdict
+from robot_programs.core.source import Backup, Place
+from taskcal.correction.correction import REMEDIES, Correction, Deviations
+from taskcal.errors import listed
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.measured_range import describe_outside
 from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.kinematics.inverse import freedom_of
 from taskcal.report.calibration import corrected_uncertainty_section
 from taskcal.report.chart import BLUE, GREY, ORANGE, VERMILION, Axis, Figure, Panel, Series
-from taskcal.report.content import Block, Chart, Column, Numbers, Points, Scene, Section, Table
+from taskcal.report.content import Block, Chart, Column, Facts, Points, Scene, Section, Table
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
-from taskcal.report.verdict import verdict_section
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said, joined, term
 
 # Errors of a corrected program along its path, and in space.
 
@@ -35,6 +36,9 @@ MAX_POINTS_IN_SPACE = 4000
 
 MAX_POINTS_ON_LINE = 2000
 """Points of a line; of a longer program the largest error of each of as many sections is drawn."""
+
+MAX_SHOWN_TARGETS = 12
+"""Targets that are shown with the summary, those with the largest errors."""
 
 MAX_TARGETS_ON_PAGE = 1000
 """Targets of the page's table, those with the largest errors: some 300 kB."""
@@ -64,7 +68,7 @@ def draw_errors(program: Program, lines: Mapping[str, Deviations], title: str) -
         )
         for (label, deviations), colour in zip(lines.items(), colours, strict=True)
     )
-    x, y = Axis(title="motion, in the order of the program"), Axis(title=title, unit="mm", log=True)
+    x, y = Axis(title=Said("motion, in the order of the program")), Axis(title=title, unit="mm", log=True)
     return Figure(panels=(Panel(x=x, y=y, series=series, height=320.0),))
 
 
@@ -75,8 +79,8 @@ def draw_errors_per_axis(correction: Correction) -> Figure:
         errors = deviations.error[np.flatnonzero(deviations.at_target)] * 1e3
         axes = np.tile(np.arange(3), len(errors))
         series.append(Series(kind="boxes", name=label, x=errors[:, :3].ravel(), y=axes, colour=colour))
-    axes = Axis(title="axis of the part", categories=("X", "Y", "Z"))
-    return Figure(panels=(Panel(x=Axis(title="true less programmed", unit="mm"), y=axes, series=tuple(series)),))
+    axes = Axis(title=Said("axis of the part"), categories=("X", "Y", "Z"))
+    return Figure(panels=(Panel(x=Axis(title=Said("true less programmed"), unit="mm"), y=axes, series=tuple(series)),))
 
 
 def draw_program(correction: Correction) -> Scene:
@@ -97,9 +101,9 @@ def draw_program(correction: Correction) -> Scene:
             layers.append(strokes(f"{name or 'base'}: path", [position[rows]], GREY))
             layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
     return Scene(
-        title="Programmed path and error",
+        title=Said("Programmed path and error"),
         layers=tuple(layers),
-        note="Bright points have the largest error without the correction. Every part in its own frame.",
+        note=Said("Bright points have the largest error without the correction. Every part in its own frame."),
     )
 
 
@@ -110,55 +114,83 @@ ERRORS = (
     *(
         Column(label, lambda row, key=key: row[1][key], form)
         for label, key, form in (
-            ("points", "count", "d"),
-            ("max mm", "max_mm", ".4f"),
-            ("rms mm", "rms_mm", ".4f"),
-            ("mean mm", "mean_mm", ".4f"),
-            *((f"max {axis} mm", f"max_{axis}_mm", ".4f") for axis in "xyz"),
-            ("max turn °", "max_turn_deg", ".4f"),
+            (Said("points"), "count", "d"),
+            (Said("max mm"), "max_mm", ".4f"),
+            (Said("rms mm"), "rms_mm", ".4f"),
+            (Said("mean mm"), "mean_mm", ".4f"),
+            *((Said("max {axis} mm", axis=axis), f"max_{axis}_mm", ".4f") for axis in "xyz"),
+            (Said("max turn °"), "max_turn_deg", ".4f"),
         )
     ),
 )
 
 TARGETS = (
-    Column("line", lambda t: f"{Path(t['file']).name}:{t['line']}"),
-    Column("target", "target"),
-    Column("motion", "kind"),
-    Column("tool", "tool"),
-    Column("frame", "frame"),
-    Column("before mm", "before_mm", ".4f"),
-    Column("after mm", "after_mm", ".4f"),
+    Column(Said("line"), lambda t: f"{Path(t['file']).name}:{t['line']}"),
+    Column(Said("programmed target"), "target"),
+    Column(Said("motion"), "kind"),
+    Column(Said("tool"), "tool"),
+    Column(Said("frame"), "frame"),
+    Column(Said("before mm"), "before_mm", ".4f"),
+    Column(Said("after mm"), "after_mm", ".4f"),
     Column("u mm", "uncertainty_rms_mm", ".4f"),
-    Column("moved mm", "shift_mm", ".4f"),
-    Column("joints °", "joint_change_deg", ".4f"),
-    Column("motions", "written_as", "d"),
-    Column("outside range", describe_outside, optional=True),
+    Column(Said("moved mm"), "shift_mm", ".4f"),
+    Column(Said("joints °"), "joint_change_deg", ".4f"),
+    Column(Said("motions"), "written_as", "d"),
+    Column(Said("outside range"), describe_outside, optional=True),
 )
 
-ON_A_LINE = ("line", "target", "before mm", "after mm", "u mm", "moved mm", "outside range")
+ON_A_LINE = ("line", "programmed target", "before mm", "after mm", "u mm", "moved mm", "outside range")
 """Columns of a target that go on one line of a terminal; a page has all."""
 
 
-def state_expected(correction: Correction) -> list[tuple[str, str]]:
+# What is said of a correction, by its summary: `Correction.summary`, or what ``taskcal correct --json --all-rows`` prints.
+
+
+def state_expected(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """State the expected error before and after, with the uncertainty and its sources; label and text."""
-    if not len(correction.before.error):
-        return [
-            ("expected error", "not known: no target of the program is known and reached; the reasons are listed below")
-        ]
-    budget = correction.budget
-    expected = f"{budget.before * 1e3:.3f} mm before, {budget.after * 1e3:.3f} mm after (3D rms at targets, uncertainty included)"
-    size = f"{np.sqrt(budget.correction) * 1e3:.3f} mm rms, standard uncertainty {budget.uncertainty * 1e3:.3f} mm"
-    shares = ", ".join(f"{name} {share:.0%}" for name, share in budget.shares.items())
-    return [("expected error", expected), ("correction", size), ("uncertainty budget", shares)]
+    if not is_predicted(summary):
+        unknown = Said("not known: no target of the program is known and reached; the reasons are listed below")
+        return [(Said("expected error"), unknown)]
+    expected = summary["expected"]
+    shares = (Said("{source} {share:.0%}", source=term(name), share=one) for name, one in expected["shares"].items())
+    return [
+        (
+            Said("expected error"),
+            Said(
+                "{before:.3f} mm before, {after:.3f} mm after (3D rms at targets, uncertainty included)",
+                before=expected["before_mm"],
+                after=expected["after_mm"],
+            ),
+        ),
+        (
+            Said("correction"),
+            Said(
+                "{size:.3f} mm rms, standard uncertainty {uncertainty:.3f} mm",
+                size=expected["correction_mm"],
+                uncertainty=expected["uncertainty_mm"],
+            ),
+        ),
+        (Said("uncertainty budget"), joined(", ", shares)),
+    ]
 
 
-def state_uncertain(correction: Correction) -> str:
+def is_predicted(summary: Mapping[str, Any]) -> bool:
+    """Whether the error of any point of the program is known."""
+    return any(summary["before"][where] is not None for where in ("targets", "between"))
+
+
+def state_uncertain(summary: Mapping[str, Any]) -> Said:
     """State why a correction is not significant, and what to measure."""
-    budget = correction.budget
-    source, share = max(budget.shares.items(), key=lambda item: item[1])
-    return (
-        f"the correction of {np.sqrt(budget.correction) * 1e3:.3f} mm rms is smaller than its standard uncertainty of "
-        f"{budget.uncertainty * 1e3:.3f} mm, of which {share:.0%} is {source}: {budget.remedy}"
+    expected = summary["expected"]
+    source, share = max(expected["shares"].items(), key=lambda item: item[1])
+    return Said(
+        "the correction of {size:.3f} mm rms is smaller than its standard uncertainty of {uncertainty:.3f} mm, of which "
+        "{share:.0%} is {source}: {remedy}",
+        size=expected["correction_mm"],
+        uncertainty=expected["uncertainty_mm"],
+        share=share,
+        source=term(source),
+        remedy=term(REMEDIES[source]),
     )
 
 
@@ -172,77 +204,111 @@ def tabulate_errors(correction: Correction) -> Table:
         if summary[when][where] is not None
     ]
     return Table.of(
-        "Predicted error of the true tool, without its uncertainty",
+        Said("Predicted error of the true tool, without its uncertainty"),
         ERRORS,
         rows,
-        note="In the part's axes. Between targets, deviations along the path do not count. At a target that a zone rounds, the "
-        "middle of the corner counts.",
+        note=Said(
+            "In the part's axes. Between targets, deviations along the path do not count. At a target that a zone rounds, the "
+            "middle of the corner counts."
+        ),
     )
 
 
-def tabulate_targets(correction: Correction, count: int | None = None) -> Table:
+def tabulate_targets(targets: Sequence[Mapping[str, Any]], moves: int, count: int | None = None) -> Table:
     """Tabulate some targets with the largest errors before, one a line, or all of them in the order of the program.
 
     Of more than `MAX_TARGETS_ON_PAGE` those with the largest errors stand for all.
+
+    Args:
+        targets: as `Correction.targets` has them, all or those with the largest errors.
+        moves: motions of the program.
+        count: how many are shown on a line each; all by default, with all columns.
     """
     most = MAX_TARGETS_ON_PAGE if count is None else count
-    targets = correction.targets(most)
-    everything = len(correction.program.motions) < most
+    everything = moves < most
     columns = TARGETS if count is None else [column for column in TARGETS if column.label in ON_A_LINE]
     if count is not None or not everything:
-        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))
+        targets = sorted(targets, key=lambda t: -(t["before_mm"] or 0.0))[:most]
+    note = Said(
+        "u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the motion."
+    )
     return Table.of(
-        "Targets" if everything else f"The {len(targets)} targets with the largest errors",
+        Said("Targets")
+        if everything
+        else Said("The {count} targets with the largest errors", count=min(most, len(targets))),
         columns,
         targets,
-        note="u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the "
-        "motion." + (" Motions: number written for one." if count is None else ""),
+        note=Said("{note} Motions: number written for one.", note=note) if count is None else note,
         folded=count is None,
     )
 
 
-def tabulate_correction(correction: Correction) -> list[tuple[str, str]]:
-    """State everything else about a correction, label and text."""
-    motion, summary = correction.motion, correction.summary()
-    pieces = int(correction.pieces[correction.corrected].sum())
-    unchanged = summary["moves"] - summary["corrected"] - summary["refused"]
-    facts = [("relative to", statement) for statement in correction.statements]
+def tabulate_correction(summary: Mapping[str, Any], robot: Robot) -> list[tuple[str, str]]:
+    """State everything else about a correction, label and text.
+
+    Args:
+        summary: of the correction.
+        robot: whose program it is.
+    """
+    unchanged = summary["moves"] - summary["corrected"] - len(summary["refused"])
+    pieces = summary["written_moves"] - (summary["moves"] - summary["corrected"])
+    motions = Said(
+        "{moves}: {corrected} corrected and written as {pieces}, {refused} rejected, {unchanged} unchanged; {unresolved} "
+        "statements not interpreted; lines added: {added}",
+        moves=summary["moves"],
+        corrected=summary["corrected"],
+        pieces=pieces,
+        refused=len(summary["refused"]),
+        unchanged=unchanged,
+        unresolved=summary["unresolved"],
+        added=summary["added_lines"],
+    )
+    if summary["at_run_time"]:
+        motions = Said("{motions}; {count} more corrected at run time", motions=motions, count=summary["at_run_time"])
+    facts: list[tuple[str, str]] = [(Said("relative to"), statement) for statement in summary["relative_to"]]
     facts += [
+        (Said("motions"), motions),
         (
-            "motions",
-            f"{summary['moves']}: {summary['corrected']} corrected and written as {pieces}, {summary['refused']} rejected, "
-            f"{unchanged} unchanged; {summary['unresolved']} statements not interpreted"
-            + (f"; {summary['at_run_time']} more corrected at run time" if correction.helper is not None else ""),
+            Said("lines and arcs"),
+            Said(
+                "divided until the true tool deviates by at most {tolerance:.3f} mm: {more} more motions",
+                tolerance=summary["tolerance_mm"],
+                more=pieces - summary["corrected"],
+            ),
         ),
         (
-            "lines and arcs",
-            f"divided until the true tool deviates by at most {summary['tolerance_mm']:.3f} mm: "
-            f"{pieces - summary['corrected']} more motions",
+            Said("largest change"),
+            Said(
+                "{shift:.3f} mm, {turn:.3f}°, a joint by {joint:.3f}°",
+                shift=summary["largest_shift_mm"],
+                turn=summary["largest_turn_deg"],
+                joint=summary["largest_joint_change_deg"],
+            ),
         ),
         (
-            "largest change",
-            f"{summary['largest_shift_mm']:.3f} mm, {summary['largest_turn_deg']:.3f}°, "
-            f"a joint by {summary['largest_joint_change_deg']:.3f}°",
+            Said("outside measured range"),
+            Said("{outside} of {moves} motions", outside=summary["outside_moves"], moves=summary["moves"]),
         ),
-        ("outside measured range", f"{summary['outside_moves']} of {summary['moves']} motions"),
     ]
-    robot = motion.robot
     freedom, targets = freedom_of(ErrorModel(robot)), summary["after"]["targets"]
     if targets is not None and not freedom.whole:
-        facts.append(("not corrected", f"up to {targets['max_turn_deg']:.3f}° at targets: {freedom}"))
+        left = Said("up to {turn:.3f}° at targets: {freedom}", turn=targets["max_turn_deg"], freedom=str(freedom))
+        facts.append((Said("not corrected"), left))
     units = dict(zip(robot.joint_names, ("mm" if slides else "°" for slides in robot.prismatic), strict=True))
-    for label, key, per in (("joint speed", "joint_speed", "/s"), ("joint acceleration", "joint_acceleration", "/s²")):
-        words = [
-            f"{name} {entry['largest']:.1f}{units[name]}{per}"
-            + (f" of {entry['limit']:.0f}" if entry["limit"] is not None else "")
-            for name, entry in summary[key].items()
-        ]
-        facts.append((label, ", ".join(words) or "not known: no speed is programmed along lines and arcs"))
-    if np.isfinite(motion.conditioning):
-        facts.append(
-            ("nearest to singular", f"ratio {motion.conditioning:.3f} of the Jacobian's singular values; 0 is singular")
-        )
+    speeds = ((Said("joint speed"), "joint_speed", "/s"), (Said("joint acceleration"), "joint_acceleration", "/s²"))
+    for label, key, per in speeds:
+        words = [_of_limit(name, entry, f"{units[name]}{per}") for name, entry in summary[key].items()]
+        unknown = Said("not known: no speed is programmed along lines and arcs")
+        facts.append((label, joined(", ", words) if words else unknown))
+    if (ratio := summary["smallest_singular_ratio"]) is not None:
+        said = Said("ratio {ratio:.3f} of the Jacobian's singular values; 0 is singular", ratio=ratio)
+        facts.append((Said("nearest to singular"), said))
     return facts
+
+
+def _of_limit(name: str, entry: Mapping[str, Any], unit: str) -> Said:
+    said = Said("{name} {largest:.1f}{unit}", name=name, largest=entry["largest"], unit=unit)
+    return said if entry["limit"] is None else Said("{said} of {limit:.0f}", said=said, limit=entry["limit"])
 
 
 # Remarks on many places of a program, as few lines: each reason once, with how often and where first.
@@ -284,15 +350,16 @@ def _line(group: list[tuple[Place, str]]) -> str:
     if len(group) == 1:
         return f"{first}: {text}"
     if not others:
-        return f"{first}: {text} ({len(group)} times)"
+        return Said("{place}: {text} ({count} times)", place=str(first), text=text, count=len(group))
     among = _common_folder(place.path for place, _ in group)
     places = [
-        f"{place.line}" if place.path == first.path else f"{_from(among, place.path)}:{place.line}"
-        for place in others[:MAX_PLACES]
+        f"{place.line}" if place.path == first.path else f"{_from(among, place.path)}:{place.line}" for place in others
     ]
-    more = f"and {len(others) - MAX_PLACES} more" if len(others) > MAX_PLACES else ""
-    at = ", ".join([*places, *([more] if more else [])])
-    return f"{first}: {text} ({len(group)} times; also in {'line' if others[0].path == first.path else 'file'} {at})"
+    where = Said("line {at}", at=listed(places, MAX_PLACES))
+    if others[0].path != first.path:
+        where = Said("file {at}", at=listed(places, MAX_PLACES))
+    said = {"place": str(first), "text": text, "count": len(group), "where": where}
+    return Said("{place}: {text} ({count} times; also in {where})", **said)
 
 
 def _common_folder(paths: Iterable[Path]) -> Path | None:
@@ -306,21 +373,16 @@ def _from(folder: Path | None, path: Path) -> Path:
     return path if folder is None else path.relative_to(folder)
 
 
-def correction_page(correction: Correction, calibration: Calibration, verdict: Verdict) -> Page:
+def correction_page(correction: Correction, calibration: Calibration, sections: Sequence[Section]) -> Page:
     """Make the page of a correction.
 
     Args:
         correction: the corrected program.
         calibration: by which it was corrected.
-        verdict: on both.
+        sections: what is in doubt, the verdict, `correction_sections`, and `error_sections`.
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
-    sections = [verdict_section(verdict), _summary(correction), _errors(correction)]
-    if len(correction.before.error):
-        budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
-        sections.append(corrected_uncertainty_section(budget))
-    sections += [_unchanged(correction), Section("Targets", tabulate_targets(correction))]
     return Page(
         title=f"Correction of {names}",
         sections=sections,
@@ -330,30 +392,48 @@ def correction_page(correction: Correction, calibration: Calibration, verdict: V
     )
 
 
-def _summary(correction: Correction) -> Section:
-    summary, budget = correction.summary(), correction.budget
-    expected = (
-        (f"{budget.before * 1e3:.3f}", "mm", "expected error before (3D rms at targets)"),
-        (f"{budget.after * 1e3:.3f}", "mm", "expected error after, uncertainty included"),
-        (f"{budget.uncertainty * 1e3:.3f}", "mm", "standard uncertainty of the correction (3D rms)"),
+def doubts_section(told: Mapping[str, Any]) -> list[Section]:
+    """Make the section of what is in doubt, if anything is."""
+    points = Points(*(Said("Warning: {doubt}.", doubt=doubt) for doubt in told["doubts"]))
+    return [Section(Said("Warning"), points)] if told["doubts"] else []
+
+
+def correction_sections(told: Mapping[str, Any], robot: Robot, backup: Backup | None = None) -> list[Section]:
+    """Make the sections that need no figure: what stays as it is, and how the program changes.
+
+    Args:
+        told: as `Correction.told` has it, or ``taskcal correct --json --all-rows`` prints it.
+        robot: whose program it is.
+        backup: that the program is a part of, if it is.
+    """
+    facts = [*state_expected(told), *tabulate_correction(told, robot)]
+    if backup is not None:
+        others = Said(
+            "{path}: {files} files of the program, {skipped} others",
+            path=str(backup.path),
+            files=len(told["program"]),
+            skipped=backup.skipped,
+        )
+        facts.append((Said("backup"), others))
+    expected = told["expected"]
+    uncertain = told["corrected"] > 0 and expected["uncertainty_mm"] > expected["correction_mm"]
+    summary = Section(
+        Said("Summary"),
+        Said("Not significant: {why}.", why=state_uncertain(told)) if uncertain else None,
+        tabulate_targets(told["targets"], told["moves"], MAX_SHOWN_TARGETS) if is_predicted(told) else None,
+        Facts(*facts),
     )
-    facts = [*state_expected(correction), *tabulate_correction(correction)]
-    return Section(
-        "Summary",
-        Numbers(
-            *(expected if len(correction.before.error) else ()),
-            (f"{summary['largest_shift_mm']:.3f}", "mm", "largest shift of a target"),
-            (
-                str(summary["outside_moves"]),
-                "",
-                "motions outside the measured joint range, where errors are less certain",
-            ),
-            (str(summary["refused"]), "", "motions rejected, and left unchanged"),
-            (str(summary["unresolved"]), "", "statements not interpreted, and left unchanged"),
-        ),
-        f"Not significant: {state_uncertain(correction)}." if correction.uncertain else None,
-        Table.of_rows("The correction", ("", ""), facts, text_columns=(0, 1)),
-    )
+    return [_unchanged(told), summary]
+
+
+def error_sections(correction: Correction, calibration: Calibration) -> list[Section]:
+    """Make the sections of predicted errors along the program, their uncertainty, and every target."""
+    sections = [_errors(correction)]
+    if len(correction.before.error):
+        budget = correction.budget.of_targets(evaluation_of_model_error(calibration))
+        sections.append(corrected_uncertainty_section(budget))
+    targets = correction.targets(MAX_TARGETS_ON_PAGE)
+    return [*sections, Section(Said("Targets"), tabulate_targets(targets, len(correction.program.motions)))]
 
 
 def _errors(correction: Correction) -> Section:
@@ -362,26 +442,31 @@ def _errors(correction: Correction) -> Section:
         lines = {"before": correction.before, "after": correction.after}
         blocks += [
             Chart(
-                "Predicted error along the program",
+                Said("Predicted error along the program"),
                 draw_errors(correction.program, lines, "predicted 3D error"),
-                "The lower line should lie well below the upper one along the whole program; where it does not, see the "
-                "motions left unchanged. At targets: distance of the true tool from the programmed position; else from the path.",
+                Said(
+                    "The lower line should lie well below the upper one along the whole program; where it does not, see the "
+                    "motions left unchanged. At targets: distance of the true tool from the programmed position; else from "
+                    "the path."
+                ),
             ),
             Chart(
-                "Errors at targets along the part's axes",
+                Said("Errors at targets along the part's axes"),
                 draw_errors_per_axis(correction),
-                "After the correction, boxes should lie about zero and be short. They hold the middle half, whiskers "
-                "reach 1.5 times as far.",
+                Said(
+                    "After the correction, boxes should lie about zero and be short. They hold the middle half, whiskers "
+                    "reach 1.5 times as far."
+                ),
             ),
             draw_program(correction),
         ]
-    return Section("Errors", *blocks)
+    return Section(Said("Errors"), *blocks)
 
 
-def _unchanged(correction: Correction) -> Section:
-    motions = correction.program.motions
-    rejected = group_remarks((motions[i].place, why) for i, why in sorted(correction.rejected.items()))
-    diagnostics = group_remarks((diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics)
-    listed = {"Rejected motions:": rejected, "Diagnostics:": diagnostics}
-    blocks = [block for title, lines in listed.items() if lines for block in (title, Points(*lines))]
-    return Section("Motions left unchanged", *(blocks or ["None: every motion was corrected."]))
+def _unchanged(told: Mapping[str, Any]) -> Section:
+    lists = {Said("Rejected motions:"): ("refused", "reason"), Said("Diagnostics:"): ("remarks", "text")}
+    blocks: list[Block | str] = []
+    for title, (key, words) in lists.items():
+        places = ((Place(path=Path(one["file"]), line=one["line"]), one[words]) for one in told[key])
+        blocks += [title, Points(*group_remarks(places))] if told[key] else []
+    return Section(Said("Motions left unchanged"), *(blocks or [Said("Every motion was corrected.")]))

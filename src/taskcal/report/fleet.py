@@ -1,19 +1,42 @@
-"""Tables of a fleet of robots, for the terminal."""
+"""The section of a fleet of robots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from taskcal.errors import listed
 from taskcal.planning.fleet import Fleet
-from taskcal.report.content import Column, Table
+from taskcal.report.content import Column, Facts, Section, Table
 
 MAX_ROWS = 100
 """Calibrations beyond which only robots that somebody should look at are listed."""
 
 MAX_NAMED = 20
-"""Changes and outliers that are listed."""
+"""Changes, outliers and robots beyond the accuracy that are listed."""
 
-SPARE = ("fitted", "rows", "nominal")
-"""Columns that the first table can do without where it is too wide, those that go first at the front."""
+
+def fleet_section(fleet: Fleet, accuracy_mm: float | None, beyond: Sequence[str]) -> Section:
+    """Make the section of a fleet.
+
+    Args:
+        fleet: the robots.
+        accuracy_mm: that is required; None for none.
+        beyond: robots of which the latest held-out error exceeds it.
+    """
+    changes = tabulate_fleet_changes(fleet)
+    changed = "none" if fleet.changes else "no robot has two calibrations"
+    named = f"latest held-out error, 3D rms: {listed(beyond, MAX_NAMED) or 'none'}"
+    return Section(
+        "Fleet",
+        tabulate_fleet(fleet),
+        changes,
+        tabulate_outliers_of_fleet(fleet),
+        Facts(
+            ("fleet", f"{len(fleet.robots)} robots, {len(fleet.calibrations)} calibrations"),
+            None if len(changes) else ("changed", changed),
+            ("alarms", describe_level(fleet)),
+            None if accuracy_mm is None else (f"above {accuracy_mm:g} mm", named),
+        ),
+    )
 
 
 def tabulate_fleet(fleet: Fleet) -> Table:
@@ -34,7 +57,8 @@ def tabulate_fleet(fleet: Fleet) -> Table:
     title = f"Fleet {fleet.folder}: mean 3D error, mm"
     if short:
         title += f" (the {len(wanted)} of {len(fleet.robots)} robots that need a look; all are in --json and -o)"
-    return Table.of(title, columns, [row for row in fleet.calibrations if not short or row["robot"] in wanted])
+    rows = [row for row in fleet.calibrations if not short or row["robot"] in wanted]
+    return Table.of(title, columns, rows, spare=("fitted", "rows", "nominal"))
 
 
 def robots_to_look_at(fleet: Fleet) -> list[str]:

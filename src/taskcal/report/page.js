@@ -2,29 +2,14 @@
 "use strict";
 (() => {
   const root = document.documentElement;
-  if (root.dataset.export) putOut(root.dataset.export);
+  if (root.dataset.export) putOut();
 
-  // Every figure as an address that holds its data, for files of their own.
-  async function putOut(format) {
-    const figures = [];
-    for (const place of document.querySelectorAll("figure")) {
-      const scene = place.querySelector(".scene");
-      figures.push(scene ? scene.picture(format) : await picture(place.querySelector("svg"), format));
-    }
+  // Every figure as the text of a file of its own.
+  function putOut() {
+    const text = (place) => place.querySelector(".scene")?.picture() ?? new XMLSerializer().serializeToString(place.querySelector("svg"));
     const list = document.createElement("pre");
-    list.id = "figure-files"; list.textContent = JSON.stringify(figures);
+    list.id = "figure-files"; list.textContent = JSON.stringify([...document.querySelectorAll("figure")].map(text));
     document.body.append(list);
-  }
-  async function picture(svg, format) {
-    const address = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(new XMLSerializer().serializeToString(svg))}`;
-    if (format === "svg") return address;
-    const image = new Image(), canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
-    image.src = address;
-    await image.decode();
-    canvas.width = 2 * image.width; canvas.height = 2 * image.height;
-    pen.fillStyle = "white"; pen.fillRect(0, 0, canvas.width, canvas.height);
-    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
-    return canvas.toDataURL("image/png");
   }
 
   let opened = [];

@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import tempfile
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 from markupsafe import Markup
 from pydantic import Field
 
-from taskcal.errors import TaskcalError, printable
+from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import package_version
 from taskcal.io.files import to_bytes
 from taskcal.io.toml_file import Finite, read_toml
@@ -31,7 +31,7 @@ from taskcal.report.content import Chart, Scene, Section
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Page:
-    """A report, before it is written as a page or as text."""
+    """A report, before it is written as a page."""
 
     title: str
     sections: Sequence[Section]
@@ -51,7 +51,7 @@ class Page:
     def html(self) -> str:
         """The page, with its figures."""
         kinds = {block.kind for section in self.sections for block in section.blocks}
-        return _template("report.html.j2").render(
+        return _template().render(
             page=self,
             chart=lambda block: Markup(chart.html(block.figure, block.title)),  # noqa: S704 - escaped there
             chart_style=Markup(chart.STYLE),  # noqa: S704 - ours
@@ -79,18 +79,17 @@ def _script(name: str) -> str:
 
 
 @cache
-def _template(name: str) -> Any:
+def _template() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("taskcal", "report"),
-        autoescape=name.endswith(".html.j2"),
+        autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"plain": _plain, "fenced": _fenced}
-    return environment.get_template(name)
+    return environment.get_template("report.html.j2")
 
 
 # A browser without a window, which draws what pages show: Chromium or one of its kin, as it is installed.
@@ -166,9 +165,9 @@ def run_browser(page: Path, arguments: Sequence[str]) -> str:
     return done.stdout.decode(errors="replace")
 
 
-# Figures of a report as files of their own: PNG, SVG or PDF.
+# Figures of a report as files of their own: SVG or PDF.
 
-FigureFormat = Literal["png", "svg", "pdf"]
+FigureFormat = Literal["svg", "pdf"]
 
 _DRAWN = re.compile(r'<pre id="figure-files">(.*?)</pre>', re.DOTALL)
 
@@ -196,70 +195,51 @@ def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory(prefix="taskcal-figures-") as folder:
         place = Path(folder)
         file = place / "figures.html"
-        text = alone.html().replace("<html", f'<html data-export="{"svg" if kind == "svg" else "png"}"', 1)
+        text = alone.html().replace("<html", '<html data-export="svg"', 1)
         file.write_bytes(to_bytes(text))
         found = _DRAWN.search(run_browser(file, ["--dump-dom"]))
         if found is None:
             raise TaskcalError("the browser drew no figures; is it Chromium, Chrome or Edge of the last three years?")
-        drawn = [_decoded(text) for text in json.loads(html.unescape(found[1]))]
+        drawn = [text.encode() for text in json.loads(html.unescape(found[1]))]
         if kind == "pdf":
-            drawn = [_printed(place, png) for png in drawn]
+            drawn = [_printed(place, svg) for svg in drawn]
     return dict(zip((figure.title for figure in figures), drawn, strict=True))
 
 
-def _printed(folder: Path, png: bytes) -> bytes:
+def _printed(folder: Path, svg: bytes) -> bytes:
     """A picture on a sheet of its own size."""
-    wide, high = int.from_bytes(png[16:20], "big"), int.from_bytes(png[20:24], "big")  # of a PNG's first chunk
-    sheet, out = folder / "sheet.html", folder / "sheet.pdf"
-    data = base64.b64encode(png).decode()
-    sheet.write_text(
-        f"<!DOCTYPE html><title>figure</title><style>@page{{size:{wide / 2}px {high / 2}px;margin:0}}body{{margin:0}}"
-        f"img{{width:{wide / 2}px;display:block}}</style><img src='data:image/png;base64,{data}'>",
-        "utf-8",
+    wide, high = (re.findall(rf'\b{side}="([\d.]+)"', svg.decode())[0] for side in ("width", "height"))
+    data = base64.b64encode(svg).decode()
+    return _pdf(
+        folder,
+        f"<!DOCTYPE html><title>figure</title><style>@page{{size:{wide}px {high}px;margin:0}}body{{margin:0}}"
+        f"img{{width:{wide}px;display:block}}</style><img src='data:image/svg+xml;base64,{data}'>",
     )
+
+
+def print_page(page: Page) -> bytes:
+    """A page as PDF.
+
+    Raises:
+        TaskcalError: no browser is installed, or it fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="taskcal-page-") as folder:
+        return _pdf(Path(folder), page.html())
+
+
+def _pdf(folder: Path, text: str) -> bytes:
+    sheet, out = folder / "sheet.html", folder / "sheet.pdf"
+    sheet.write_bytes(to_bytes(text))
     run_browser(sheet, [f"--print-to-pdf={out}", "--no-pdf-header-footer"])
+    if not out.is_file():
+        raise TaskcalError("the browser printed nothing; is it Chromium, Chrome or Edge of the last three years?")
     return out.read_bytes()
-
-
-def _decoded(address: str) -> bytes:
-    """The content of a data address."""
-    head, _, data = address.partition(",")
-    if head.endswith("base64"):
-        return base64.b64decode(data)
-    from urllib.parse import unquote_to_bytes
-
-    return unquote_to_bytes(data)
 
 
 def _slug(title: str) -> str:
     """Letters and digits of a title, for a file's name."""
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
     return re.sub(r"[^a-z0-9]+", "-", plain).strip("-")[:60]
-
-
-# A report as Markdown text: the same words, numbers and tables, with the figures beside it, if they were written.
-
-
-def as_markdown(page: Page, figures: Mapping[str, str] | None = None) -> str:
-    """The text.
-
-    Args:
-        page: the report.
-        figures: file of each figure by its title; without, a figure is its title and what to see in it.
-    """
-    return _template("report.md.j2").render(page=page, figures=figures or {})
-
-
-def _fenced(lines: str) -> str:
-    """Lines as they are, between fences longer than any that a name in them could be."""
-    fence = "`" * (1 + max([2, *map(len, re.findall("`+", lines))]))
-    shown = printable(lines, keep="\n")
-    return f"{fence}\n{shown}\n{fence}"
-
-
-def _plain(text: str) -> str:
-    """Text on one line in which nothing of a file's names acts as Markdown or HTML, or commands a terminal that shows it."""
-    return re.sub(r"([\\`*_~\[\]<>|#]|&(?=#?\w+;))", r"\\\1", printable(" ".join(text.split())))
 
 
 # The head of a report: customer, robot, operator and instrument, from a TOML file.
@@ -270,6 +250,8 @@ Line = Annotated[str, Field(strict=True, min_length=1, max_length=300)]
 class ReportHeader(FileSection):
     """The fields; each is shown where it is given."""
 
+    number: Line | None = None
+    """Of the report or certificate."""
     customer: Line | None = None
     order: Line | None = None
     serial_number: Line | None = None

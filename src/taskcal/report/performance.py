@@ -11,35 +11,25 @@ from taskcal.report.content import Chart, Column, Numbers, Section, Table
 from taskcal.report.page import Page
 
 
-def pose_performance_page(performance: CyclePerformance, source: str) -> Page:
-    """Make the page of poses.
-
-    Args:
-        performance: of the poses.
-        source: file of the measurements.
-    """
+def pose_sections(performance: CyclePerformance) -> list[Section]:
+    """Make the sections of poses."""
     summary = performance.summary()
     sections = [
         Section("Summary", Numbers(*_worst_of_poses(performance)), _MEANING),
         Section("Poses", *_pose_charts(performance), tabulate_results("Every pose", summary["poses"])),
     ]
     for key, title, words in (
-        ("directions", "Directions of approach", "Distance between the means of several directions (7.2.3)."),
-        ("distances", "Distances", "Accuracy and repeatability of the distance between two poses (7.3)."),
+        ("directions", "Directions of approach", "Distance between the means of several directions."),
+        ("distances", "Distances", "Accuracy and repeatability of the distance between two poses."),
     ):
         if summary[key]:
             table = tabulate_results(f"All {title.lower()}", summary[key])
             sections.append(Section(title, words, table))
-    return _page("Performance of poses", sections, source)
+    return sections
 
 
-def path_performance_page(performance: PathPerformance, source: str) -> Page:
-    """Make the page of a path.
-
-    Args:
-        performance: of the path.
-        source: file of the measurements.
-    """
+def path_sections(performance: PathPerformance) -> list[Section]:
+    """Make the sections of a path."""
     again = performance.repeatability
     numbers = Numbers(
         (f"{performance.accuracy * 1e3:.3f}", "mm", "path accuracy AT_p: largest deviation of the mean pass"),
@@ -60,22 +50,28 @@ def path_performance_page(performance: PathPerformance, source: str) -> Page:
         "A peak of accuracy: the path is missed the same way each time, mostly at a corner; this can be corrected. A peak of "
         "repeatability is random, and cannot.",
     )
-    sections = [
+    return [
         Section("Summary", numbers, _MEANING),
         Section("Along the path", along, tabulate_results("The path", [performance.summary()])),
     ]
-    return _page("Performance along a path", sections, source)
 
 
 _MEANING = (
     "Accuracy is the distance of the mean of all cycles from the command; repeatability is the mean distance of the cycles from "
-    "their own mean, plus three standard deviations. All lengths are in millimetres, in the frame of the commands. Definitions: "
-    "ISO 9283:1998, clauses 7.2, 7.3 and 8."
+    "their own mean, plus three standard deviations. All lengths are in millimetres, in the frame of the commands."
 )
 
 
-def _page(title: str, sections: Sequence[Section], source: str) -> Page:
-    return Page(title=title, sections=sections, lead=f"Accuracy and repeatability after ISO 9283, from {source}.")
+def performance_page(title: str, sections: Sequence[Section], source: str) -> Page:
+    """Make the page of poses or of a path.
+
+    Args:
+        title: of the page.
+        sections: of it.
+        source: file of the measurements.
+    """
+    clauses = "ISO 9283:1998 (poses: 7.2; directions: 7.2.3; distances: 7.3; paths: 8)"
+    return Page(title=title, sections=sections, lead=f"Accuracy and repeatability after {clauses}, from {source}.")
 
 
 def _worst_of_poses(performance: CyclePerformance) -> list[tuple[str, str, str]]:

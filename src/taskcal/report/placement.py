@@ -8,7 +8,7 @@ import numpy as np
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
 from taskcal.report.chart import BLUE, GREEN, INK, ORANGE, VERMILION, Axis, Cells, Figure, Panel, Series
-from taskcal.report.content import Chart, Column, Numbers, Section, Table
+from taskcal.report.content import Chart, Column, Facts, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.task import span_of
 
@@ -191,7 +191,7 @@ def state_recommendation(found: PartPlacements) -> str:
     """State the placement that is recommended, or that the part had better stay."""
     best = found.recommended
     if best is None:
-        return "leave the part where it is" if found.now.possible else "none"
+        return f"none: {found.unmet}" if found.unmet else "leave the part where it is"
     return "the best placement" if best is found.ranked[0] else state_trade(found, best)
 
 
@@ -199,13 +199,53 @@ MEANING = (
     "Expected errors are 3D rms over the targets. Before: predicted error of the robot, uncertainty included. Corrected: that "
     "uncertainty alone, which no correction removes. Force: deflection of the tool by the stated process force. Placements are "
     "ranked by corrected (by before where there is no calibration) and force. One is recommended "
-    "if its error is at least 10 % smaller, and if its joints have 5° left, or as much as now."
+    "if its error is within the task's tolerance and all of its targets lie within what was measured, if its error is at least "
+    "10 % smaller than now, unless the part may not stay, and if its joints have 5° left, or as much as now."
+)
+
+UNCALIBRATED = (
+    "Before is expected from the tolerances, in the base frame; pass --calibration for the error after correction."
 )
 
 _MAPS = (
     "Dark is better for errors, bright for margins. Crosses: not feasible as a whole, or near a singularity. Circle: the best "
     "placement, through which the maps go."
 )
+
+
+def placement_sections(found: PartPlacements, *, calibrated: bool) -> list[Section]:
+    """Make the sections of the best placements and of the region.
+
+    Args:
+        found: the placements.
+        calibrated: whether they are based on a calibration, rather than on tolerances.
+    """
+    ranked, axes = found.ranked, varied_axes(found)
+    facts: list[tuple[str, str] | None] = [("feasible", found.obstacle)]
+    if ranked:
+        worst = ranked[-1].expected * 1e3
+        facts = [
+            ("best placement", state_placement(ranked[0])),
+            ("to reach it", state_trade(found, ranked[0])),
+            ("worst feasible", f"{worst:.3f} mm expected") if len(ranked) > 1 else None,
+            ("recommended", state_recommendation(found)),
+        ]
+    best = Section(
+        "Best placements",
+        tabulate_placements(found),
+        Facts(("present placement", state_placement(found.now)), *facts),
+        MEANING,
+        None if calibrated else UNCALIBRATED,
+    )
+    if not axes:
+        return [best]
+    through = ranked[0] if ranked else max(found.all, key=lambda placed: placed.reached)
+    chart = Chart(
+        "Expected error over the region",
+        draw_placements(found, through),
+        _MAPS if len(axes) > 1 else "A gap: the program is not feasible as a whole there, or near a singularity.",
+    )
+    return [best, Section("Region", chart, tabulate_obstacles(found))]
 
 
 def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Page:
@@ -217,36 +257,10 @@ def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Pa
         calibrated: whether they are based on a calibration, rather than on tolerances.
     """
     ranked = found.ranked
-    said = [f"Present placement: {state_placement(found.now)}."]
-    if ranked:
-        said += [f"Best placement: {state_placement(ranked[0])}.", f"To reach it, {state_trade(found, ranked[0])}."]
-        said += [f"Recommended: {state_recommendation(found)}."]
-        said += [f"There, {ranked[0].outside}."] if ranked[0].outside else []
-    best = tabulate_placements(found) if ranked else None
-    sections = [Section("Best placements", Numbers(*_numbers(found)), *said, MEANING, best)]
-    axes = varied_axes(found)
-    if axes:
-        through = ranked[0] if ranked else max(found.all, key=lambda placed: placed.reached)
-        chart = Chart(
-            "Expected error over the region",
-            draw_placements(found, through),
-            _MAPS if len(axes) > 1 else "A gap: the program is not feasible as a whole there, or near a singularity.",
-        )
-        sections.append(Section("Region", chart, tabulate_obstacles(found)))
     source = "calibrated" if calibrated else "by its tolerances, in its own base"
     return Page(
         title=f"Placement of {found.name}",
-        sections=sections,
+        sections=placement_sections(found, calibrated=calibrated),
         lead=f"{len(found.all)} placements before the {robot}, {source}. {len(ranked)} are feasible and clear of singularities. "
         "Collisions are not checked.",
     )
-
-
-def _numbers(found: PartPlacements) -> tuple[tuple[str, str, str], ...]:
-    items = [(f"{len(found.ranked)} of {len(found.all)}", "", "placements are feasible")]
-    if found.ranked:
-        items.append((f"{found.ranked[0].expected * 1e3:.3f}", "mm", "expected 3D rms error, best placement"))
-        items.append((f"{found.ranked[-1].expected * 1e3:.3f}", "mm", "expected, worst feasible placement"))
-    if found.now.possible:
-        items.append((f"{found.now.expected * 1e3:.3f}", "mm", "expected, present placement"))
-    return tuple(items)

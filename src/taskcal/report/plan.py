@@ -1,17 +1,19 @@
 """A plan as a page: its expected error, its poses, and rejected candidates."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from taskcal.planning.plan import Plan
+from taskcal.errors import listed
+from taskcal.planning.plan import Plan, describe_accuracy, describe_lost
 from taskcal.report.chart import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
     NOMINAL,
     Chart,
     Column,
-    Numbers,
+    Facts,
+    Points,
     Scene,
     Section,
     Table,
@@ -29,6 +31,7 @@ from taskcal.report.scene import (
     workspace_layer,
 )
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.robot import Robot
 from taskcal.task.task import Task
 from taskcal.task.workspace import Workspace
 
@@ -155,32 +158,147 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
     )
 
 
-def plan_page(model: ErrorModel, task: Task, plan: Plan, *, seed: int) -> Page:
+Clearance = Mapping[str, "list[float] | None"]
+"""Gaps at each pose, millimetres: ``between_links`` and ``to_keep_out``; None where there is nothing to keep clear of."""
+
+
+def plan_sections(
+    model: ErrorModel,
+    task: Task,
+    plan: Plan,
+    *,
+    measured_before: int = 0,
+    clearance: Clearance | None = None,
+    reflectors: Sequence[int] | None = None,
+    stated: bool = False,
+) -> tuple[Section, ...]:
+    """Make the sections of what a plan is expected to give, and without a tracker of how to measure it.
+
+    Args:
+        model: the model that is to be identified.
+        task: what the plan is for.
+        plan: the plan.
+        measured_before: rows that are there already.
+        clearance: at each pose; None without a tracker.
+        reflectors: how many of them are seen at each pose, where a station says so.
+        stated: whether a file states the fixtures of a plan without a tracker.
+    """
+    expected = Section(
+        "Expected error of the plan",
+        tabulate_expected_errors(plan, task.name, measured_before=measured_before),
+        Facts(
+            ("accuracy", describe_accuracy(plan)),
+            ("model error", state_model_error(plan.model_error * 1e3, plan.model_error_origin)),
+            (
+                "single pose",
+                f"expected error {plan.expected_at_a_pose * 1e3:.3f} mm (3D rms), model error included",
+            ),
+            ("candidates", f"{plan.candidates} feasible; rejected: {describe_lost(plan) or 'none'}"),
+            ("reflectors", f"{_span(reflectors)} visible at each pose") if reflectors is not None else None,
+            ("images", _views_in_words(plan)) if plan.views else None,
+            ("clearance", _clearance_in_words(clearance, model.robot)) if clearance is not None else None,
+            ("criterion", f"{plan.criterion}; {plan.exchanges} exchanges after the greedy start"),
+        ),
+        _meaning(plan),
+        Chart(
+            "Expected error against the number of measured poses",
+            draw_by_count(plan),
+            "Beyond the plateau, more poses add little. The line is the greedy choice; exchange and refinement improve the plan "
+            "at its end. Logarithmic scale.",
+        ),
+        tabulate_by_count(plan),
+    )
+    return (expected,) if plan.of is None else (expected, _how_to_measure(plan, model.robot, stated=stated))
+
+
+def _span(counts: Sequence[int]) -> str:
+    return f"{min(counts)} to {max(counts)}" if min(counts) < max(counts) else str(max(counts))
+
+
+def _views_in_words(plan: Plan) -> str:
+    """The least and the largest of each figure of the poses."""
+    units = {"mm": " mm", "deg": "°"}
+    out: list[str] = []
+    for name, values in plan.views.items():
+        what, _, unit = name.rpartition("_")
+        shown = f"{values.min():.0f} to {values.max():.0f}{units.get(unit, '')}"
+        out.append(f"{what or name} {shown}")
+    return ", ".join(out)
+
+
+def _clearance_in_words(clearance: Clearance, robot: Robot) -> str:
+    """The least gaps of all poses, and of what."""
+    radii = robot.link_radii
+    if radii is None:
+        return "not checked: the robot file states no link_radii_mm"
+    said = {"between_links": "between links", "to_keep_out": "to keep-out boxes"}
+    gaps = [f"{min(gap):.0f} mm {said[name]}" for name, gap in clearance.items() if gap]
+    return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
+
+
+# How a plan without a tracker is measured: fixtures, what to check, what to write down.
+
+MAX_NAMED = 12
+"""Poses that a statement names."""
+
+
+def _how_to_measure(plan: Plan, robot: Robot, *, stated: bool) -> Section:
+    """The fixtures with their numbers of poses, and what to check and to write down."""
+    instrument = plan.instrument
+    x, y, z = instrument.T_tool_tip[:3, 3] * 1e3
+    round_about, none = (
+        [one.pose for one in plan.blocked if (one.via is not None) == found] for found in (True, False)
+    )
+    said = [
+        instrument.instructions,
+        f"default {instrument.label} positions assumed: place them as listed, or state theirs and plan again"
+        if instrument.label and not stated
+        else "",
+        f"mounting on the tool assumed at {x:g}, {y:g}, {z:g} mm in the tool frame (--mounted-mm)",
+        "collisions not checked: the robot file states no link_radii_mm; drive the plan slowly"
+        if robot.link_radii is None
+        else "collisions of the links with each other, blocks and keep-out boxes were checked, between poses, too; cables, tool "
+        "and cell were not: drive slowly",
+        f"not clear from the previous pose by a joint motion: {listed(round_about, MAX_NAMED)}; a program takes a way around"
+        if round_about
+        else "",
+        f"not clear from the previous pose, and no way around found: {listed(none, MAX_NAMED)}; drive there by hand, not by a "
+        "program"
+        if none
+        else "",
+    ]
+    table = _tabulate_fixtures(plan, "as stated" if stated else "assumed") if instrument.label else None
+    return Section("How to measure", table, Points(*filter(None, said)))
+
+
+def _tabulate_fixtures(plan: Plan, whose: str) -> Table:
+    instrument, fixtures = plan.instrument, plan.instrument.fixtures
+    turned = instrument.directed
+    columns = (
+        Column(instrument.label, fixtures.names.__getitem__),
+        *(Column(f"{axis}_mm", lambda k, i=i: fixtures.position[k, i], ".0f", 1e3) for i, axis in enumerate("xyz")),
+        *(Column(axis, lambda k, i=i: fixtures.direction[k, i], ".2f") for i, axis in enumerate("ijk") if turned),
+        Column("poses", lambda k: plan.names.count(fixtures.names[k]), "d"),
+    )
+    title = f"Positions of the {instrument.label}s in the base frame, {whose}, mm{', and their directions' if turned else ''}"
+    return Table.of(title, columns, range(len(fixtures.names)))
+
+
+def plan_page(model: ErrorModel, task: Task, plan: Plan, sections: Sequence[Section], *, seed: int) -> Page:
     """Make the page of a plan.
 
     Args:
         model: the model that is to be identified.
         task: what the plan is for.
         plan: the plan.
+        sections: as `plan_sections` makes them.
         seed: of the plan, for the footer.
     """
-    error = (
-        f"Model error: {state_model_error(plan.model_error * 1e3, plan.model_error_origin)}. It counts as noise of the "
-        f"measurements; with it the expected error of a single pose is {plan.expected_at_a_pose * 1e3:.3f} mm."
-    )
-    by_count = Chart(
-        "Expected error against the number of measured poses",
-        draw_by_count(plan),
-        "Beyond the plateau, more poses add little. The line is the greedy choice; exchange and refinement improve the plan "
-        "at its end. Logarithmic scale.",
-    )
-    table = tabulate_expected_errors(plan, task.name)
-    blocks = (Numbers(*_numbers(plan)), table, error, _meaning(plan), by_count, tabulate_by_count(plan))
     poses = (plan_scene(model, plan, task.workspace), _tabulate_poses(model, plan), _tabulate_candidates(plan))
     robot = model.robot.title or model.robot.name
     return Page(
         title=f"Measurement poses for {task.name}",
-        sections=(Section("Expected error of the plan", *blocks), Section("Measurement poses", *poses)),
+        sections=(*sections, Section("Measurement poses", *poses)),
         lead=f"{len(plan.q)} poses of the {robot}, chosen among {plan.candidates} feasible ones.",
         source=f"robot {model.robot.name}; criterion {plan.criterion}; seed {seed}",
     )
@@ -201,22 +319,6 @@ def _meaning(plan: Plan) -> str:
         "simulated. Random and space-filling poses are within the task's workspace; the plan may leave it a little and turn the "
         "tool farther, which is where much of its advantage comes from."
     )
-
-
-def _numbers(plan: Plan) -> tuple[tuple[str, str, str], ...]:
-    items = [
-        (f"{plan.expected * 1e3:.3f}", "mm", "expected error after measuring this plan"),
-        (f"{plan.random.mean() * 1e3:.3f}", "mm", "expected after as many random poses, mean"),
-        (f"{plan.before * 1e3:.3f}", "mm", f"expected before: {_start(plan)}"),
-    ]
-    if plan.accuracy is not None and plan.geometry_allowance is not None:
-        enough = plan.enough
-        if enough is None and plan.expected <= plan.geometry_allowance:
-            enough = len(plan.q)
-        reached = f"poses are enough for the task's {plan.accuracy * 1e3:g} mm, model error included"
-        missed = f"of these sizes reaches {plan.accuracy * 1e3:g} mm, model error included"
-        items.append((str(enough), "", reached) if enough else ("none", "", missed))
-    return tuple(items)
 
 
 def _tabulate_poses(model: ErrorModel, plan: Plan) -> Table:

@@ -246,12 +246,10 @@
       if (!by) return;
       event.preventDefault(); view.turn += by[0]; view.tilt = Math.min(Math.max(view.tilt + by[1], -1.55), 1.55); view.zoom *= by[2]; draw();
     });
-    box.picture = (format) => {
+    box.picture = () => {
       draw();
-      const png = canvas.toDataURL("image/png");
-      if (format === "png") return png;
-      const [wide, high] = [canvas.width, canvas.height];
-      return `data:image/svg+xml,${encodeURIComponent(`<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${wide} ${high}"><image width="${wide}" height="${high}" href="${png}"/></svg>`)}`;
+      const [wide, high] = [canvas.width, canvas.height], pixels = canvas.toDataURL("image/png");
+      return `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${wide} ${high}" width="${wide / 2}" height="${high / 2}"><image width="${wide}" height="${high}" href="${pixels}"/></svg>`;
     };
     new ResizeObserver(draw).observe(box);
     const repaint = () => { for (const mark of marks) mark(); draw(); };

@@ -8,7 +8,7 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.planning.selection import NestedModel, Selection
 from taskcal.planning.task_map import TaskCurves, TaskMaps
 from taskcal.report.chart import GREEN, INK, PURPLE, VERMILION, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Chart, Column, Numbers, Points, Section, Table, millimetres, state_model_error
+from taskcal.report.content import Chart, Column, Facts, Section, Table, millimetres, state_model_error
 from taskcal.report.page import Page
 from taskcal.report.sensitivity import draw_effects, tabulate_effects
 from taskcal.report.task import task_section
@@ -130,8 +130,7 @@ def selection_page(
         measured: which poses are measured, in words.
     """
     sections = [
-        _how_many(model, selection, accuracy),
-        _which(model, selection, effects),
+        *selection_sections(model, selection, accuracy, effects),
         task_section(model, maps, f"the {len(selection.kept)} chosen parameters", measured),
     ]
     robot = model.robot.title or model.robot.name
@@ -143,25 +142,36 @@ def selection_page(
     )
 
 
-def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -> Section:
-    """The error over the number of parameters, and the number that was chosen."""
+def selection_sections(
+    model: ErrorModel, selection: Selection, accuracy: float | None, effects: Sensitivity | None = None
+) -> tuple[Section, Section]:
+    """Make the sections of how many parameters were chosen, and of which.
+
+    Args:
+        model: the complete model.
+        selection: the choice.
+        accuracy: that was asked for, metres.
+        effects: sensitivity over the task's poses, where it is to be shown.
+    """
     chosen, rotation = _chosen(selection), selection.model_error_rotation
-    error = state_model_error(
-        selection.model_error * 1e3, selection.model_error_origin, None if rotation is None else rotation * 1e3
-    )
-    references = (
-        f"The {REFERENCES[name][0]} has {size} parameters; expected error {left * 1e3:.3f} mm."
-        for name, (size, left) in selection.references.items()
-    )
-    return Section(
+    labels = {p.name: p.label for p in model.parameters}
+    kept = ", ".join(labels.get(name, name) for name in selection.kept_groups) or "tracker frame and targets alone"
+    origin, turned = selection.model_error_origin, None if rotation is None else rotation * 1e3
+    number = Section(
         "Number of parameters",
-        Numbers(
-            (f"{len(selection.kept)} of {len(model)}", "", "parameters are enough"),
-            (f"{chosen.expected * 1e3:.3f}", "mm", "expected 3D rms error over the task with these"),
-            (f"{selection.ladder[0].expected * 1e3:.3f}", "mm", "expected with all parameters"),
-            (f"{selection.before * 1e3:.3f}", "mm", "expected of the nominal model (registered)"),
+        Facts(
+            ("selected", f"{len(selection.kept)} of {len(model)}: {kept}"),
+            ("reason", selection.why),
+            ("model error", state_model_error(selection.model_error * 1e3, origin, turned)),
+            ("with these", _expected(chosen.expected)),
+            ("with all", _expected(selection.ladder[0].expected)),
+            ("nominal (registered)", _expected(selection.before)),
+            *(
+                (REFERENCES[name][0], f"{size} parameters, {_expected(left)}")
+                for name, (size, left) in selection.references.items()
+            ),
+            ("out of reach", f"{selection.unreachable:.1%} of the task's poses") if selection.unreachable else None,
         ),
-        Points(f"Chosen is {selection.why}.", f"Model error: {error}.", *references),
         Chart(
             "Expected task error against the number of parameters",
             draw_ladder(selection, accuracy),
@@ -169,23 +179,24 @@ def _how_many(model: ErrorModel, selection: Selection, accuracy: float | None) -
         ),
         tabulate_ladder(selection),
     )
-
-
-def _which(model: ErrorModel, selection: Selection, effects: Sensitivity) -> Section:
-    """The parameters that were kept, and why the others were not."""
-    labels = {p.name: p.label for p in model.parameters}
-    kept = ", ".join(labels.get(name, name) for name in selection.kept_groups)
-    return Section(
-        "Selected and dropped parameters",
-        f"Selected: {kept or 'none, only tracker frame and targets'}.",
+    which = Section(
+        "Dropped parameters",
         tabulate_dropped(selection, model),
-        Chart(
-            "Effect of every parameter on the TCP",
-            draw_effects(effects),
-            "Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
-            "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",
-        ),
-        tabulate_effects(effects),
+        *([] if effects is None else [_chart_effects(effects), tabulate_effects(effects)]),
+    )
+    return number, which
+
+
+def _expected(error: float) -> str:
+    return f"expected error {error * 1e3:.3f} mm (3D rms)"
+
+
+def _chart_effects(effects: Sensitivity) -> Chart:
+    return Chart(
+        "Effect of every parameter on the TCP",
+        draw_effects(effects),
+        "Over the task's poses, along the robot's base axes and in space. A large effect does not make a parameter "
+        "necessary: it may depend linearly on others, or move the task as tracker frame and targets do.",
     )
 
 

@@ -1,7 +1,8 @@
 """Sensitivity as a page: what every parameter does to the tool, which are determined, and where in the task it matters."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,14 +15,16 @@ from taskcal.analysis.identifiability import (
     EliminationTable,
     Identifiability,
     describe_combination,
+    published_kept,
 )
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
 from taskcal.report.chart import AXIS_COLOURS, INK, SERIES, SHAPES, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Chart, Column, Numbers, Section, Table
+from taskcal.report.content import Chart, Column, Facts, Numbers, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.task import task_section
 from taskcal.robot.parameter import Parameter
+from taskcal_groundwork.said import Said
 
 # Figures of a model over some poses: how much each parameter moves the tool, and how many are independent.
 
@@ -32,19 +35,19 @@ SMALLEST_DRAWN = 1e-18
 def draw_effects(found: Sensitivity) -> Mapping[str, Figure]:
     """Largest and root mean square effect of every parameter on X, Y, Z and in space, for its tolerance or per unit."""
     kinds = {
-        "largest over the poses": (found.maximum, found.maximum_in_space),
-        "root mean square": (found.rms_per_axis, found.rms),
+        Said("largest over the poses"): (found.maximum, found.maximum_in_space),
+        Said("root mean square"): (found.rms_per_axis, found.rms),
     }
-    panels = {
+    panels: dict[str, Any] = {
         title: (
             1e3 * np.vstack([per_axis(scaled=True), in_space(scaled=True)]),
             found.to_shown() * np.vstack([per_axis(), in_space()]),
         )
         for title, (per_axis, in_space) in kinds.items()
     }
-    axes = {
-        "for its tolerance": Axis(title="effect of its tolerance", unit="mm", zero=True),
-        "per unit": Axis(title="effect per unit", unit="mm/mm, mm/mrad …", zero=True),
+    axes: dict[str, Axis] = {
+        Said("for its tolerance"): Axis(title=Said("effect of its tolerance"), unit="mm", zero=True),
+        Said("per unit"): Axis(title=Said("effect per unit"), unit="mm/mm, mm/mrad …", zero=True),
     }
     return _by_parameter(found.model.parameters, panels, axes)
 
@@ -83,7 +86,7 @@ def _by_parameter(
         axes: for either, by the label of the view.
         hollow: marks that are empty, in each panel.
     """
-    styles = [*zip(AXIS_COLOURS, AXIS_COLOURS.values(), SHAPES, strict=False), ("in space", INK, "tick")]
+    styles = [*zip(AXIS_COLOURS, AXIS_COLOURS.values(), SHAPES, strict=False), (Said("in space"), INK, "tick")]
     names = Axis(categories=tuple(p.symbol or p.name for p in parameters))
     return {
         label: Figure(
@@ -223,6 +226,79 @@ def tabulate_effects(found: Sensitivity) -> Table:
     )
 
 
+SPACES = {"x": "x", "y": "y", "z": "z", "space": "3D"}
+"""Axes of the robot's base, and all of them together; how a column names them."""
+
+
+def sensitivity_section(
+    parameters: Sequence[Mapping[str, Any]],
+    found: Sensitivity,
+    table: EliminationTable,
+    told_apart: DistinguishableDirections,
+    noise: MeasuringNoise,
+) -> Section:
+    """Make the section that a terminal shows: influences in short, and what is identifiable.
+
+    Args:
+        parameters: as `taskcal sensitivity --json` lists them.
+        found: sensitivity over some poses.
+        table: exact linear dependence at these poses.
+        told_apart: directions that a measurement with noise determines.
+        noise: of that measurement.
+    """
+    fate = {row.name: "kept" for row in table.rows} | dict.fromkeys(_eliminated(table).zero, "zero")
+    fate |= dict.fromkeys(_eliminated(table).dependent, "dependent")
+    columns = (
+        Column("parameter", "name"),
+        Column("symbol", "symbol", optional=True),
+        *(Column(words, f"max_{axis}", ".3f") for axis, words in SPACES.items()),
+        Column("unit", "unit"),
+        *(
+            Column(f"{words} µm", lambda p, axis=axis: p["tolerance_scaled_um"][axis], ".1f")
+            for axis, words in SPACES.items()
+        ),
+        Column("elimination", lambda p: fate[p["name"]]),
+    )
+    title = f"Maximum influence over {len(found.matrix)} poses: per unit, and at the tolerance (1σ) in µm"
+    spare = ("x", "y", "z", "x µm", "y µm", "z µm", "symbol")
+    gone = [row for row in table.rows if fate[row.name] != "kept" or row.published not in ("", "kept")]
+    return Section(
+        "Sensitivity",
+        Table.of(title, columns, parameters, spare=spare),
+        tabulate_eliminated("Linearly dependent parameters at these poses", table, gone),
+        tabulate_distinguishable(told_apart, _symbols(found)),
+        Facts(*_identifiable(found, table, told_apart, noise)),
+    )
+
+
+def _eliminated(table: EliminationTable) -> Identifiability:
+    return next(iter(table.eliminations.values()))
+
+
+def _symbols(found: Sensitivity) -> dict[str, str]:
+    return {p.name: p.symbol or p.name for p in found.model.parameters}
+
+
+def _identifiable(
+    found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections, noise: MeasuringNoise
+) -> list[tuple[str, str]]:
+    """State how many parameters are independent, and how many directions noise leaves determined; label and text."""
+    model, eliminated = found.model, _eliminated(table)
+    indices = "  ".join(f"{name}={value:.3g}" for name, value in asdict(eliminated.observability()).items())
+    counts = (
+        f"{len(eliminated.zero)} without effect, {len(eliminated.dependent)} dependent, {len(eliminated.kept)} kept"
+    )
+    published = model.robot.published.source
+    return [
+        ("rank", f"{eliminated.rank} of {len(model)} ({counts}); gap={eliminated.gap:.2g}"),
+        ("determined", count_distinguishable(told_apart)),
+        ("noise", noise.describe()),
+        ("condition number", f"{eliminated.condition_number:.3g} (kept columns, unit length)"),
+        ("observability", f"{indices} (kept, in units of tolerance)"),
+        *([("published", f"{len(published_kept(model))} kept: {published}")] if published else []),
+    ]
+
+
 def sensitivity_page(
     found: Sensitivity,
     table: EliminationTable,
@@ -243,7 +319,7 @@ def sensitivity_page(
         poses: which poses these are, in words.
     """
     model = found.model
-    sections = [_effects(found, table, told_apart), _elimination(found, table, told_apart, noise)]
+    sections = [_effects(found), _elimination(found, table, told_apart, noise)]
     if maps is not None:
         measured = "the task's own poses" if isinstance(maps, TaskCurves) else "60 poses spread over the task"
         sections.append(task_section(model, maps, f"all {len(model)} parameters", measured))
@@ -256,21 +332,13 @@ def sensitivity_page(
     )
 
 
-def _effects(found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections) -> Section:
+def _effects(found: Sensitivity) -> Section:
     """Effects of every parameter."""
-    model, eliminated = found.model, next(iter(table.eliminations.values()))
-    largest = found.maximum_in_space(scaled=True)
+    model, largest = found.model, found.maximum_in_space(scaled=True)
     return Section(
         "Effect of each parameter",
         Numbers(
             (model.parameters[int(largest.argmax())].name, "", f"has the largest effect: {largest.max() * 1e3:.3f} mm"),
-            (f"{eliminated.rank} of {len(model)}", "", "parameters are linearly independent at these poses"),
-            (f"{told_apart.count} of {eliminated.rank}", "", "directions are determined by a measurement with noise"),
-            (
-                f"{eliminated.condition_number:.0f}",
-                "",
-                "condition number of the independent parameters, columns of unit length",
-            ),
         ),
         Chart(
             "Effect of every parameter on the TCP",
@@ -286,17 +354,11 @@ def _elimination(
     found: Sensitivity, table: EliminationTable, told_apart: DistinguishableDirections, noise: MeasuringNoise
 ) -> Section:
     """Exactly independent parameters, and the directions that noise leaves determined."""
-    eliminated = next(iter(table.eliminations.values()))
-    counts = (
-        f"{len(eliminated.zero)} parameters have no effect on the TCP, {len(eliminated.dependent)} equal a combination of "
-        f"others, {len(eliminated.kept)} are independent. Tracker frame and targets, which are dependent on some of these too, are "
-        "not counted here."
-    )
     return Section(
         "Identifiable parameters",
-        counts,
-        f"{count_distinguishable(told_apart)}. Noise of the measurement: {noise.describe()}.",
-        tabulate_distinguishable(told_apart, {p.name: p.symbol or p.name for p in found.model.parameters}),
+        Facts(*_identifiable(found, table, told_apart, noise)),
+        "Tracker frame and targets, which are dependent on some of these parameters too, are not counted here.",
+        tabulate_distinguishable(told_apart, _symbols(found)),
         Chart(
             "Singular values",
             draw_singular_values(table.eliminations),

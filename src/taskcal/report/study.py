@@ -2,12 +2,10 @@
 
 from collections import Counter
 
-import numpy as np
-
-from taskcal.errors import shown
+from taskcal.errors import listed, shown
 from taskcal.planning.study import Study
 from taskcal.report.chart import SERIES, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import NOMINAL, Chart, Column, Section, Table, state_model_error
+from taskcal.report.content import NOMINAL, Chart, Column, Facts, Section, Table, state_model_error
 from taskcal.report.page import Page
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
@@ -90,8 +88,47 @@ def _robots(numbers: list[int]) -> str:
     """Robots in words, with how often each is named."""
     counts = Counter(numbers)
     named = [f"{number}{f' ({times} campaigns)' if times > 1 else ''}" for number, times in counts.items()]
-    more = f" and {len(named) - MAX_ROBOTS} more" if len(named) > MAX_ROBOTS else ""
-    return f"robot{'s' if len(named) > 1 else ''} {', '.join(named[:MAX_ROBOTS])}{more}"
+    return f"robot{'s' if len(named) > 1 else ''} {listed(named, MAX_ROBOTS)}"
+
+
+def study_section(study: Study, robot: str, task: str) -> Section:
+    """Make the section of a study.
+
+    Args:
+        study: what it found.
+        robot: its name.
+        task: likewise.
+    """
+    before = {name: 1e3 * value for name, value in study.spread_before().items()}
+    return Section(
+        "Error over the task",
+        f"Each robot is simulated, {study.origin}, measured by every plan with the noise of its instrument, identified, and "
+        f"compared with the truth over the task {_frame(study)}.",
+        Chart(
+            "Task error over all robots",
+            draw_study(study),
+            "A low box: small errors; a long one: large spread. Boxes reach from the first to the third quartile, with the median "
+            "in them. Logarithmic scale.",
+        ),
+        tabulate_study(study, task),
+        Facts(
+            ("robots", f"{study.robots} {robot} {study.origin}, seed {study.seed}"),
+            ("model error", state_model_error(study.model_error * 1e3, study.model_error_origin)),
+            (
+                "at a pose",
+                "rms of model error and identification error; compared with the required accuracy. The model error is in the "
+                "measurements of every robot; it is uncorrelated here, but spatially correlated on a real robot",
+            ),
+            ("not fitted", describe_failed(study)) if study.failed else None,
+            ("not identifiable", describe_unlearnt(study)) if study.unlearnt else None,
+            (
+                "before",
+                f"nominal, frames taught: median {before['median']:.2f} mm (5 to 95 %: {before['p05']:.2f} to {before['p95']:.2f})",
+            )
+            if study.aligned
+            else None,
+        ),
+    )
 
 
 def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
@@ -102,26 +139,11 @@ def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
         task: what they have to do.
         study: what it found.
     """
-    error = state_model_error(study.model_error * 1e3, study.model_error_origin)
-    text = (
-        f"Each robot is simulated, {study.origin}, measured by every plan with the noise of its instrument, identified, and "
-        f"compared with the truth over the task {_frame(study)}.",
-        f"Model error: {error}. It is in the measurements of every robot; the column at a pose has it at the task's poses, too, "
-        "and the accuracy is judged by that. It is uncorrelated here, but spatially correlated on a real robot.",
-    )
-    chart = Chart(
-        "Task error over all robots",
-        draw_study(study),
-        "A low box: small errors; a long one: large spread. Boxes reach from the first to the third quartile, with the median "
-        "in them. Logarithmic scale.",
-    )
     robot = model.robot.title or model.robot.name
-    unlearnt = f" Nothing was learnt {describe_unlearnt(study)}." if study.unlearnt else ""
-    failed = f" Not fitted: {describe_failed(study)}." if study.failed else ""
     return Page(
         title=f"Study of {task.name}",
-        sections=(Section("Error over the task", *text, chart, tabulate_study(study, task.name)),),
-        lead=f"{study.robots} simulated robots of type {robot}.{unlearnt}{failed}",
+        sections=(study_section(study, model.robot.name, task.name),),
+        lead=f"{study.robots} simulated robots of type {robot}.",
         source=f"robot {model.robot.name}; seed {study.seed}",
     )
 
@@ -130,7 +152,4 @@ def _frame(study: Study) -> str:
     """The frame of the errors, in words."""
     if not study.aligned:
         return "in the tracker frame"
-    return (
-        "after teaching work frame and TCP with the calibrated robot, so that all instruments are judged alike; median "
-        f"error of a robot that is not calibrated: {1e3 * float(np.median(study.before)):.2f} mm"
-    )
+    return "after teaching work frame and TCP with the calibrated robot, so that all instruments are judged alike"

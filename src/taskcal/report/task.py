@@ -5,10 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from taskcal.geometry import se3
 from taskcal.planning.task_map import Maps, Slice, TaskCurves, TaskMaps
 from taskcal.report.chart import AXIS_COLOURS, BLUE, GREY, SERIES, VERMILION, Axis, Cells, Figure, Panel, Series
 from taskcal.report.content import COVERAGE, NOMINAL, Chart, Section
 from taskcal.robot.error_model import ErrorModel
+from taskcal.task.task import Task
+from taskcal.task.workspace import Orientation
 
 MAX_EFFECTS = 6
 """Parameters whose maps a page has."""
@@ -102,6 +105,28 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> Figure:
         for k, axis in enumerate(AXIS_COLOURS)
     )
     return Figure(panels=panels, columns=3, shared="y")
+
+
+def describe_task(task: Task) -> str:
+    """Describe where and how the tool works in a task, in one line."""
+    if task.workspace is None:
+        count = 0 if task.poses is None else len(task.poses)
+        return f"{task.name}: {'path' if task.path else 'list'} of {count} poses"
+    space = task.workspace
+    middle = se3.apply(space.T_base_frame, space.center) * 1e3
+    about = " ".join(f"{value:.1f}" for value in middle)
+    if space.shape == "box":
+        shape = f"box of {' × '.join(f'{edge * 1e3:g}' for edge in space.size)} mm"
+    else:
+        shape = f"cylinder of {space.size[0] * 1e3:g} mm diameter and {space.size[2] * 1e3:g} mm height"
+    turned = "; ".join(_describe_orientation(one, space.T_base_frame[:3, :3]) for one in space.orientations)
+    return f"{task.name}: {shape} about {about} mm of the base; {turned}"
+
+
+def _describe_orientation(one: Orientation, base: Float[np.ndarray, "3 3"]) -> str:
+    axis = " ".join(f"{value + 0.0:.3f}" for value in (base @ one.rotation)[:, 2].round(3))
+    spin = "free" if one.spin >= np.pi else f"±{np.degrees(one.spin):g}°"
+    return f"tool axis {axis} within {np.degrees(one.cone):g}°, turned about it {spin}"
 
 
 # The section of a report on the errors within a task.

@@ -9,12 +9,12 @@ import tomli_w
 
 from taskcal.arguments import checked
 from taskcal.errors import FileError, TaskcalError, UnknownName, shown
-from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.importers import dh, mjcf, ur, urdf
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.importers.xacro import trusting_xacro
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import read_robot, robot_from
+from taskcal_groundwork.plugins import load_plugins, state_faults
 
 # Robots from files of other programs: which form a file has, and what a robot file says of the same robot.
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import checked, repeated
+from taskcal.arguments import checked, joints_checked, repeated
 from taskcal.errors import TaskcalError, UnknownName
 from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, ErrorFrame, Joint, Step
@@ -23,6 +23,9 @@ from taskcal.robot.statics import Load
 # Where a robot's chain has error frames, and which of their slots are parameters.
 
 COMPONENTS = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+EXACT = 2e-9
+"""Tolerance, metres or radians, up to which a parameter is taken for exact: those of a wrist whose pose is given have 1 nm."""
 
 
 def error_steps(robot: Robot, *, lengths_only: bool) -> tuple[list[Step], list[list[str]]]:
@@ -76,6 +79,7 @@ class Coordinates(NamedTuple):
     """What is positive where the closed loop assembles as it was built."""
 
 
+@joints_checked
 class ErrorModel:
     """Six geometric errors per joint frame, six of the tool, and those of the lengths of a closed loop.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from taskcal.arguments import joints_checked
 from taskcal.errors import ReachError, WrongValue, shortened
 from taskcal.geometry import se3
 from taskcal.kernels import walk
@@ -151,6 +152,7 @@ class Published:
     """Left out of its identified model."""
 
 
+@joints_checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Robot:
     """A serial robot, possibly with a four-bar in its drive."""

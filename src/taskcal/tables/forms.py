@@ -13,13 +13,20 @@ import numpy as np
 
 from taskcal.errors import MAX_MET, FaultyFile, FileError, shown
 from taskcal.io.text_file import read_bytes
-from taskcal.plugins import load_plugins
+from taskcal.tables.options import TableForm
 from taskcal.tables.parquet import MARK, read_parquet
-from taskcal.tables.spreadsheet import HiddenRows, read_workbook
-from taskcal.tables.table import MAX_COLUMNS, UNITS, Cells, Row, Sheet, Table, refuse_wide, too_wide
+from taskcal.tables.reports import (
+    is_coordinate_report,
+    is_qtm_export,
+    parse_coordinate_report,
+    parse_qtm_export,
+    program_named,
+    refuse_coordinate_lines,
+)
+from taskcal.tables.spreadsheet import read_workbook
+from taskcal.tables.table import MAX_COLUMNS, NUMBER, UNITS, Cells, Row, Sheet, Table, refuse_wide, too_wide
 from taskcal.tables.text import (
     MAX_REMARKS,
-    DecimalMark,
     expect_whole_end,
     footer_note,
     has_labelled_values,
@@ -32,6 +39,7 @@ from taskcal.tables.text import (
     separator_of,
     split_line,
 )
+from taskcal_groundwork.plugins import load_plugins
 
 # Which characters the bytes of a text file stand for.
 
@@ -122,20 +130,6 @@ MANY_LINES, SHORTEST_LINE = 30_000, 12
 and memory however short they are."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TableForm:
-    """What the user states of a table whose form leaves it open; nothing by default."""
-
-    columns: tuple[str, ...] | None = None
-    """Names of the columns, for a file that has none, or others."""
-    decimal: DecimalMark | None = None
-    """The decimal mark."""
-    sheet: str | None = None
-    """Of a workbook."""
-    hidden_rows: HiddenRows | None = None
-    """What becomes of rows of a workbook that are hidden or struck out."""
-
-
 T = TypeVar("T", bytes, str)
 """What a file holds, as a form wants it."""
 
@@ -171,6 +165,12 @@ class TextForm(FileForm[str]):
 GROUP = "taskcal.table_forms"
 """Entry points of other packages: a `BinaryForm` or a `TextForm` each."""
 
+
+def _parse_columns(path: Path, text: str, form: TableForm) -> Sheet:
+    refuse_coordinate_lines(path, text)
+    return parse_delimited(path, text, form.decimal)
+
+
 _FORMS: dict[str, FileForm] = {
     form.name: form
     for form in (
@@ -194,6 +194,18 @@ _FORMS: dict[str, FileForm] = {
             read=lambda path, text, form: parse_motion_capture(path, text),
         ),
         TextForm(
+            name="QTM export",
+            suffixes=(".tsv",),
+            holds=lambda path, text: is_qtm_export(text),
+            read=lambda path, text, form: parse_qtm_export(path, text),
+        ),
+        TextForm(
+            name="coordinate report",
+            suffixes=(".txt",),
+            holds=lambda path, text: is_coordinate_report(text),
+            read=lambda path, text, form: parse_coordinate_report(path, text),
+        ),
+        TextForm(
             name="labelled values",
             suffixes=(".log", ".txt"),
             holds=lambda path, text: has_labelled_values(text),
@@ -203,7 +215,7 @@ _FORMS: dict[str, FileForm] = {
             name="columns",
             suffixes=(".csv", ".tsv", ".txt", ".dat", ".log"),
             holds=lambda path, text: True,
-            read=lambda path, text, form: parse_delimited(path, text, form.decimal),
+            read=_parse_columns,
         ),
     )
 }
@@ -224,17 +236,17 @@ def table_suffixes() -> tuple[str, ...]:
 
 
 def _form_of(kind: type[FileForm[T]], path: Path, content: T) -> FileForm[T] | None:
-    """The form that holds a file.
-
-    Raises:
-        FileError: forms of other packages hold it that do not know of each other.
-    """
+    """The form that holds a file."""
     found = [form for form in forms() if isinstance(form, kind) and form.holds(path, content)]
     added = [form.name for form in found if form.name not in _OWN]
     if len(added) > 1:
         names = " and ".join(f"'{name}'" for name in added)
         raise FileError(path, f"is held by {names}, forms of installed packages; uninstall one of them")
     return found[0] if found else None
+
+
+MIN_COLUMNS = 3
+"""Of a table of measurements; text in fewer may be a robot program."""
 
 
 def read_table(path: str | Path, form: TableForm | None = None) -> Table:
@@ -256,7 +268,13 @@ def read_table(path: str | Path, form: TableForm | None = None) -> Table:
     text = decode(path, content)
     # the bytes of a large file are no longer needed while its text is parted
     del content
-    return expect_whole_end(lay_out(parse_sheet(path, text, form), form.columns), text)
+    try:
+        table = expect_whole_end(lay_out(parse_sheet(path, text, form), form.columns), text)
+    except FileError as error:
+        raise program_named(path, text) or error from error
+    if (table.faults or len(table.header) < MIN_COLUMNS) and (other := program_named(path, text)) is not None:
+        raise other
+    return table
 
 
 def _sheet_behind(path: Path) -> tuple[Path, str | None]:
@@ -376,9 +394,7 @@ def joined_names(above: Sequence[str], names: Sequence[str]) -> tuple[str, ...] 
 _UNDER_NAMES = frozenset({*UNITS, "k", "-", "1"})
 """What may stand under a column's name in a row of units: a unit, also one that no campaign has, or that there is none."""
 
-_NUMBER_OR_NOT_FINITE = re.compile(
-    r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE
-)
+_NUMBER_OR_NOT_FINITE = re.compile(rf"{NUMBER.pattern}|[+-]?(?:nan|inf)", re.ASCII | re.IGNORECASE)
 
 _COMMENTS = 200
 """Comments from the beginning, and as many from the end, that may name columns."""
@@ -419,7 +435,8 @@ def lay_out(sheet: Sheet, names: Sequence[str] | None = None) -> Table:
     if names is not None:
         return _named(sheet, names, first if first is not None else len(sheet.rows))
     if first is None:
-        return _only_names(sheet)
+        # no row holds numbers: the first names the columns, as far as anything does
+        return _table(sheet, sheet.rows[0], 1, header_row=0)
     above = [row for row in range(first) if _is_text(sheet.rows[row]) and not _is_statement(sheet.rows[row], width)]
     units_row = above.pop() if above and _is_units(sheet.rows[above[-1]]) and len(above) > 1 else None
     header_row = above[-1] if above else None
@@ -506,11 +523,6 @@ def _named(sheet: Sheet, names: Sequence[str], first: int) -> Table:
     return _table(sheet, tuple(names), first)
 
 
-def _only_names(sheet: Sheet) -> Table:
-    """A file whose rows hold no numbers: its first row names the columns, as far as anything does."""
-    return _table(sheet, sheet.rows[0], 1, header_row=0)
-
-
 def _from_comments(sheet: Sheet, first: int, width: int) -> Table:
     """Names from the last comment with as many words as columns, or none."""
     for comment in reversed((*sheet.comments[:_COMMENTS], *sheet.comments[_COMMENTS:][-_COMMENTS:])):
@@ -558,6 +570,7 @@ def _table(sheet: Sheet, header: Row, begin: int, units: Sequence[str] = (), hea
         preamble=preamble,
         faults=(*wrong, *second),
         notes=sheet.notes,
+        acted=sheet.acted,
     )
 
 

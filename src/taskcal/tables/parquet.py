@@ -81,11 +81,7 @@ def read_parquet(path: Path, content: bytes) -> Sheet:
 
 
 def _checked_names(path: Path, file: Any) -> list[str]:
-    """Names of the columns of a file that can be read whole.
-
-    Raises:
-        FileError: it has too many cells, or unpacks to too much.
-    """
+    """Names of the columns of a file that can be read whole."""
     names = list(file.schema_arrow.names)
     _check_cells(path, file.metadata, MAX_CELLS)
     groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
@@ -96,11 +92,7 @@ def _checked_names(path: Path, file: Any) -> list[str]:
 
 
 def _check_cells(path: Path, metadata: Any, most: float) -> None:
-    """See that a file has no more cells than some.
-
-    Raises:
-        FileError: it has.
-    """
+    """See that a file has no more cells than some."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     rows, columns = max(metadata.num_rows, sum(group.num_rows for group in groups)), metadata.num_columns
     if rows * columns > most:
@@ -110,11 +102,7 @@ def _check_cells(path: Path, metadata: Any, most: float) -> None:
 
 
 def _check_size(path: Path, metadata: Any, size: int) -> None:
-    """See that what a file of so many bytes says of itself is what measured numbers may be.
-
-    Raises:
-        FileError: it is not.
-    """
+    """See that what a file of so many bytes says of itself is what measured numbers may be."""
     if metadata.num_columns > MAX_COLUMNS:
         raise too_wide(path, 1)
     _check_cells(path, metadata, FEW_CELLS + CELLS_A_BYTE * size)
@@ -131,11 +119,7 @@ def _check_size(path: Path, metadata: Any, size: int) -> None:
 
 
 def _check_directory(path: Path, content: bytes | None) -> int:
-    """The size of a file whose directory is not too large, bytes, and which is as it was sealed.
-
-    Raises:
-        FileError: it is not.
-    """
+    """The size of a file whose directory is not too large, bytes, and which is as it was sealed."""
     with open_ordinary(path) if content is None else io.BytesIO(content) as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(max(size - 8, 0))
@@ -170,11 +154,7 @@ def _is_as_sealed(stream: io.BufferedIOBase, directory: int) -> bool:
 
 
 def _refuse_long(path: Path, name: str, column: Any) -> None:
-    """See that a column has no long texts again and again, each of which the file holds once.
-
-    Raises:
-        FileError: it has.
-    """
+    """See that a column has no long texts again and again, each of which the file holds once."""
     kept = [chunk.dictionary for chunk in column.chunks if hasattr(chunk, "dictionary")]
     longest = max((len(str(text)) for texts in kept for text in texts.to_pylist()), default=0)
     if longest * len(column) > MAX_TEXT_MB * 1e6:

@@ -3,21 +3,18 @@
 import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import date, datetime, time
-from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from robot_programs.core.files import ZipKind, open_zip
-from taskcal.errors import FileError, UnknownName, shown
+from taskcal.errors import FileError, UnknownName, listed, shown
+from taskcal.tables.options import DecimalMark, HiddenRows
 from taskcal.tables.table import Cells, Sheet
-from taskcal.tables.text import DecimalMark, with_decimal_points
-
-HiddenRows = Literal["keep", "drop"]
-"""What becomes of rows of numbers that are hidden or struck out."""
+from taskcal.tables.text import with_decimal_points
+from taskcal_groundwork.files import ZipKind, open_zip
 
 WORKBOOK = ZipKind(
     name="workbook", remedy="save it again, or as CSV",
@@ -71,8 +68,8 @@ def read_workbook(
         names = [sheet.title for sheet in book.worksheets]
         if name is not None and name not in names:
             raise UnknownName("sheet", name, names, f"in {path}")
-        filled = [_Filled(path, book[title]) for title in ([name] if name else names)]
         struck = frozenset(k for k, style in enumerate(book._cell_styles) if book._fonts[style.fontId].strike)
+        filled = [_Filled(path, book[title], struck) for title in ([name] if name else names)]
     except (FileError, UnknownName):
         raise
     except Exception as error:
@@ -85,13 +82,12 @@ def read_workbook(
     others = [one.name for one in with_cells if one is not chosen]
     more = f"; others with cells: {', '.join(others)}" if others else ""
     notes = () if chosen.visible and not others else (f"sheet '{chosen.name}' is read{more}",)
-    with open_zip(path, WORKBOOK, content) as packed:
-        part = next(p for p in packed.entries if p.info.filename == book[chosen.title]._worksheet_path)
-        marks = _marks(packed.pieces(part), struck)
     sheet = with_decimal_points(
-        Sheet(path=path, rows=chosen.rows, lines=chosen.lines, notes=notes), decimal, chosen.texts
+        Sheet(path=path, rows=chosen.rows, lines=chosen.lines, notes=notes, acted=frozenset({"sheet"})),
+        decimal,
+        chosen.texts,
     )
-    return _as_shown(sheet, chosen, marks, hidden)
+    return _as_shown(sheet, chosen, hidden)
 
 
 def _check_parts(path: Path, content: bytes) -> None:
@@ -110,15 +106,25 @@ def _check_parts(path: Path, content: bytes) -> None:
 
 
 class _Filled:
-    """A sheet with its cells as text."""
+    """A sheet with its cells as text, and what it says of its rows and cells beside their values."""
 
-    def __init__(self, path: Path, sheet: Any):
+    def __init__(self, path: Path, sheet: Any, struck: frozenset[int]):
         self.title: str = sheet.title
         self.visible = sheet.sheet_state == "visible"
+        self.hidden: set[int] = set()
+        """Rows that are, by hand, by a filter, or in a group that is folded."""
+        self.struck: set[int] = set()
+        """Rows with a filled cell in a struck-out font, whose styles are given."""
         self.torn: set[int] = set()
         """Rows with a text of which a part is struck out."""
+        self.unvalued: set[int] = set()
+        """Rows with a formula that has no value: a program wrote it, and none computed it."""
+        self.merged: list[tuple[int, int, str]] = []
+        """First and last row of each merged cell, and its range."""
+        self.columns = np.zeros(MAX_SHEET_COLUMNS, dtype=bool)
+        """Which are hidden."""
         self._texts = bytearray()
-        self.rows, self.lines = Cells.numbered(self._read(path, sheet))
+        self.rows, self.lines = Cells.numbered(self._read(path, sheet, struck))
         self.numeric = np.fromiter(map(_holds_numbers, self.rows), bool, len(self.rows))
         """Which rows hold numbers."""
         self.texts = np.frombuffer(self._texts, dtype=bool)
@@ -129,36 +135,56 @@ class _Filled:
         """The title, and whether it is hidden."""
         return shown(self.title) if self.visible else f"{shown(self.title)} (hidden)"
 
-    def _read(self, path: Path, sheet: Any) -> Iterator[tuple[int, tuple[str, ...]]]:
+    def _read(self, path: Path, sheet: Any, struck: frozenset[int]) -> Iterator[tuple[int, tuple[str, ...]]]:
         """The rows that have cells, each with its number."""
+        count = above = 0
+        with sheet._get_source() as source:
+            parser = _parser(sheet, source, self.unvalued)
+            for number, cells in parser.parse():
+                if parser.row_dimensions.pop(str(number), {}).get("hidden") in TRUE:
+                    self.hidden.add(number)
+                if number > MAX_ROWS:
+                    raise FileError(
+                        path, f"numbers a row beyond {MAX_ROWS}, the last of a workbook; save the table alone as CSV"
+                    )
+                width = cells[-1]["column"] if cells else 0
+                count += width
+                if count > MAX_CELLS:
+                    raise FileError(
+                        path, f"has more than {MAX_CELLS} cells, most of them empty; save the table alone as CSV"
+                    )
+                if number <= above:
+                    message = f"row {number} stands behind row {above}; save the workbook again, or as CSV"
+                    raise FileError(path, message, line=number)
+                above = number
+                if texts := self._texts_of(number, cells, width, struck):
+                    yield number, texts
+        for column in filter(lambda one: one.get("hidden") in TRUE, parser.column_dimensions.values()):
+            self.columns[int(column["min"]) - 1 : int(column["max"])] = True
+        if parser.merged_cells is not None:
+            self.merged += [(one.min_row, one.max_row, one.coord) for one in parser.merged_cells.mergeCell]
+
+    def _texts_of(
+        self, number: int, cells: Sequence[dict[str, Any]], width: int, struck: frozenset[int]
+    ) -> tuple[str, ...]:
+        """Texts of a row up to its last that is not empty; its marks are noted."""
         from openpyxl.cell.rich_text import CellRichText, TextBlock
 
-        count = 0
-        # rows end with their own last cell: what the sheet says of its size may be missing or wrong
-        sheet.reset_dimensions()
-        for number, cells in enumerate(sheet.iter_rows(values_only=True), start=1):
-            if number > MAX_ROWS:
-                raise FileError(
-                    path, f"numbers a row beyond {MAX_ROWS}, the last of a workbook; save the table alone as CSV"
-                )
-            count += len(cells)
-            if count > MAX_CELLS:
-                raise FileError(
-                    path, f"has more than {MAX_CELLS} cells, most of them empty; save the table alone as CSV"
-                )
-            if not cells:
+        texts, stored = [""] * width, bytearray(width)
+        for cell in cells:
+            value, column = cell["value"], cell["column"]
+            if value is None or column > width:
                 continue
-            texts = [_text(value) for value in cells]
-            while texts and not texts[-1]:
-                texts.pop()
-            if not texts:
-                continue
-            for value in cells[: len(texts)]:
-                rich = isinstance(value, CellRichText)
-                self._texts.append(rich or isinstance(value, str))
-                if rich and any(isinstance(part, TextBlock) and part.font.strike for part in value):
-                    self.torn.add(number)
-            yield number, tuple(texts)
+            rich = isinstance(value, CellRichText)
+            texts[column - 1], stored[column - 1] = _text(value), rich or isinstance(value, str)
+            if cell["style_id"] in struck:
+                self.struck.add(number)
+            if rich and any(isinstance(part, TextBlock) and part.font.strike for part in value):
+                self.torn.add(number)
+        while texts and not texts[-1]:
+            texts.pop()
+        self._texts += stored[: len(texts)]
+        return tuple(texts)
 
 
 def _holds_numbers(cells: tuple[str, ...]) -> bool:
@@ -178,106 +204,30 @@ def _text(value: object) -> str:
     return str(value).strip()
 
 
-# What a sheet says of its rows and cells beside their values, which openpyxl does not read where rows come one after another.
-
-_TAG = rb"<(?:\w+:)?"
-
-_OF_ROWS = _TAG + rb"row\b(?P<row>[^<>]*)>"
-
-_UNVALUED = (
-    _TAG + rb"c\b(?P<formula>[^<>]*)>\s*+" + _TAG + rb"f\b[^<>]*>(?:[^<]*</(?:\w+:)?f>)?\s*+"
-    rb"(?:" + _TAG + rb"v\s*+(?:/>|>\s*+</(?:\w+:)?v>))?\s*+</(?:\w+:)?c>"
-)  # fmt: skip
-"""A formula without the value that it had when the workbook was saved: a program wrote it, and none computed it."""
-
-_FILLED = _TAG + rb"c\b(?P<cell>[^<>]*)(?<!/)>"
-
-_STRIKE = _TAG + rb"(?P<strike>strike)\b"
-"""In a sheet itself only where a part of a text is struck out; formats stand elsewhere."""
-
-_USUAL, _STRUCK = (
-    re.compile(b"|".join(kinds)) for kinds in ((_OF_ROWS, _UNVALUED), (_OF_ROWS, _UNVALUED, _FILLED, _STRIKE))
-)
-
-_MERGED = re.compile(_TAG + rb"mergeCell\b[^<>]*\bref\s*=\s*[\"']([A-Z]+(\d+):[A-Z]+(\d+))[\"']")
-
-_COLUMNS = re.compile(_TAG + rb"col\b([^<>]*)>")
-
-_HIDDEN = re.compile(rb"\bhidden\s*=\s*[\"'](?:1|true)[\"']")
-
-_NUMBERS = {name: re.compile(rb"\b%s\s*=\s*[\"'][A-Z]*(\d+)[\"']" % name) for name in (b"r", b"s", b"min", b"max")}
-"""By the names of attributes, behind the letters of a column."""
-
-_TEXT = re.compile(rb"\bt\s*=\s*[\"']str[\"']")
-"""A formula that gives a text, which may be empty."""
-
-MAX_ROW_BYTES = 8_000_000
-"""Of a row of the widest sheet, 16 384 cells; what is longer is searched in pieces."""
+TRUE = ("1", "true")
+"""How a workbook's XML writes it."""
 
 
-@dataclass(eq=False, kw_only=True)
-class _Marks:
-    """Marks of a sheet, by the numbers of its rows."""
+def _parser(sheet: Any, source: Any, unvalued: set[int]) -> Any:
+    """The parser with which openpyxl reads rows one after another; it notes those with a formula without a value, too."""
+    from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
 
-    hidden: set[int] = field(default_factory=set[int])
-    """By hand, by a filter, or in a group that is folded."""
-    struck: set[int] = field(default_factory=set[int])
-    """Rows with a filled cell in a struck-out font."""
-    torn: set[int] = field(default_factory=set[int])
-    """Rows with a text of which a part is struck out."""
-    unvalued: set[int] = field(default_factory=set[int])
-    """Rows with a formula that has no value."""
-    merged: list[tuple[int, int, str]] = field(default_factory=list[tuple[int, int, str]])
-    """First and last row of each merged cell, and its range."""
-    columns: np.ndarray = field(default_factory=lambda: np.zeros(MAX_SHEET_COLUMNS, dtype=bool))
-    """Which are hidden."""
+    class Parser(WorkSheetParser):
+        def parse_row(self, row: Any) -> Any:
+            number, cells = super().parse_row(row)
+            if next(row.iter(FORMULA_TAG), None) is not None and any(
+                cell.find(FORMULA_TAG) is not None and not cell.findtext(VALUE_TAG) and cell.get("t") != "str"
+                for cell in row
+            ):
+                unvalued.add(number)
+            return number, cells
 
-
-def _marks(pieces: Iterable[bytes], struck: frozenset[int]) -> _Marks:
-    """Marks of a sheet in the pieces of its XML; `struck` has the styles whose font is struck out."""
-    marks, rest, number = _Marks(), b"", 0
-    for piece in chain(pieces, (b"",)):
-        text = rest + piece
-        # what is cut in the middle of a row waits for the rest of it
-        cut = text.rfind(b"row>")
-        end = len(text) if not piece or len(text) > MAX_ROW_BYTES else cut + len(b"row>") if cut >= 0 else 0
-        part, rest = text[:end], text[end:]
-        number = _mark_rows(part, number, marks, struck)
-        for attributes in filter(_HIDDEN.search, _COLUMNS.findall(part)):
-            first, last = _number(attributes, b"min"), _number(attributes, b"max")
-            marks.columns[max(first, 1) - 1 : last] = True
-        marks.merged += [(int(first[:10]), int(last[:10]), ref.decode()) for ref, first, last in _MERGED.findall(part)]
-    return marks
+    book = sheet.parent
+    formats = {"date_formats": book._date_formats, "timedelta_formats": book._timedelta_formats}
+    return Parser(source, sheet._shared_strings, data_only=True, epoch=book.epoch, rich_text=True, **formats)
 
 
-def _mark_rows(text: bytes, number: int, marks: _Marks, struck: frozenset[int]) -> int:
-    """Note the marks in a part of a sheet behind a row; says the number of its last row."""
-    at = number
-    for match in (_STRUCK if struck or b"strike" in text else _USUAL).finditer(text):
-        match match.lastgroup:
-            case "row":
-                at = number = _number(match["row"], b"r") or number + 1
-                if _HIDDEN.search(match["row"]):
-                    marks.hidden.add(number)
-            case "formula":
-                if not _TEXT.search(match["formula"]):
-                    marks.unvalued.add(_number(match["formula"], b"r") or number)
-            case "cell":
-                at = _number(match["cell"], b"r") or number
-                if _number(match["cell"], b"s") in struck:
-                    marks.struck.add(at)
-            case _:
-                marks.torn.add(at)
-    return number
-
-
-def _number(attributes: bytes, name: bytes) -> int:
-    """The number of an attribute; 0 where it has none, as the first style has."""
-    found = _NUMBERS[name].search(attributes)
-    return int(found[1][:10]) if found else 0
-
-
-def _as_shown(sheet: Sheet, filled: _Filled, marks: _Marks, stated: HiddenRows | None) -> Sheet:
+def _as_shown(sheet: Sheet, filled: _Filled, stated: HiddenRows | None) -> Sheet:
     """A sheet in view of its marks.
 
     Raises:
@@ -291,21 +241,21 @@ def _as_shown(sheet: Sheet, filled: _Filled, marks: _Marks, stated: HiddenRows |
         return sorted(set(lines[among].tolist()).intersection(rows))
 
     below = lines >= (lines[numeric][0] if numeric.any() else 0)
-    if at := those(marks.unvalued, below):
+    if at := those(filled.unvalued, below):
         message = (
             f"{name}: formulas have no values ({_listed(at)}); open the workbook in a spreadsheet and save it there"
         )
         raise FileError(path, message, line=at[0])
-    if at := those(marks.torn | filled.torn, numeric):
+    if at := those(filled.torn, numeric):
         message = f"{name}: part of a cell's text is struck out ({_listed(at)}); leave in it what is meant"
         raise FileError(path, message, line=at[0])
     of_numbers = lines[numeric]
-    for first, last, cells in marks.merged:
+    for first, last, cells in filled.merged:
         # a merged cell has its value in its first row only
         if len(at := of_numbers[slice(*np.searchsorted(of_numbers, (first, last), side="right"))]):
             message = f"{name}: cells are merged over several rows ({cells}); write its value in each of them"
             raise FileError(path, message, line=int(at[0]))
-    hidden, struck = those(marks.hidden, numeric), those(marks.struck, numeric)
+    hidden, struck = those(filled.hidden, numeric), those(filled.struck, numeric)
     found = [f"hidden {_listed(hidden)}"] if hidden else []
     found += [f"struck-out cells in {_listed(struck)}"] if struck else []
     if found and stated is None:
@@ -317,13 +267,13 @@ def _as_shown(sheet: Sheet, filled: _Filled, marks: _Marks, stated: HiddenRows |
     if found:
         what = "left out" if stated == "drop" else "read as the others"
         sheet = sheet.noted(f"{name}: {' and '.join(found)}: {what}, as stated")
+        sheet = replace(sheet, acted=sheet.acted | {"hidden_rows"})
     if found and stated == "drop":
         kept = ~(numeric & np.isin(lines, hidden + struck))
         sheet = replace(sheet, rows=Cells.of(sheet.rows)[kept], lines=lines[kept])
-    letters = [get_column_letter(k + 1) for k in np.flatnonzero(marks.columns[: filled.rows.widths.max()]).tolist()]
+    letters = [get_column_letter(k + 1) for k in np.flatnonzero(filled.columns[: filled.rows.widths.max()]).tolist()]
     if letters:
-        some = f"{', '.join(letters[:5])}{', …' if letters[5:] else ''}"
-        sheet = sheet.noted(f"{name}: hidden columns ({some}) are read as the others")
+        sheet = sheet.noted(f"{name}: hidden columns ({listed(letters, 5)}) are read as the others")
     return sheet
 
 
@@ -331,5 +281,5 @@ def _listed(rows: Sequence[int]) -> str:
     """Numbers of rows in words, each run as its first and last: ``rows 4, 7-9``."""
     runs = np.split(np.array(rows), np.flatnonzero(np.diff(rows) > 1) + 1)
     texts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
-    more = f", … ({len(rows)} in all)" if len(runs) > 5 else ""
-    return f"row{'s' if len(rows) > 1 else ''} {', '.join(texts[:5])}{more}"
+    every = f" ({len(rows)} in all)" if len(runs) > 5 else ""
+    return f"row{'s' if len(rows) > 1 else ''} {listed(texts, 5)}{every}"

@@ -132,6 +132,12 @@ LARGEST = 1e6
 NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 """Python also reads 1_000 and the digits of other scripts, which no instrument writes."""
 
+
+def number_of(text: str) -> float:
+    """The number that a text is, as instruments write them; NaN of any other."""
+    return float(text) if NUMBER.fullmatch(text) else math.nan
+
+
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -164,6 +170,8 @@ class Table:
     """Lines with more or fewer cells than there are columns; the rows are without them."""
     notes: tuple[str, ...] = ()
     """What was decided on the way."""
+    acted: frozenset[str] = frozenset()
+    """What the user stated of its form that made a difference, by the fields of `TableForm`."""
     _used: set[str] = field(default_factory=set[str], init=False, repr=False)
     """Columns that were asked for, as the file writes them."""
 
@@ -226,19 +234,20 @@ class Table:
             FileError: there is no such column, or a cell is not a finite number, or one beyond ±`largest`.
         """
         texts = self.texts(column)
-        out = np.array([float(text) if NUMBER.fullmatch(text) else math.nan for text in texts])
-        faults = Faults()
+        out = np.array([number_of(text) for text in texts])
         # a cell that is no number is NaN here, which is not within any bound
-        for row in np.flatnonzero(~(np.abs(out) <= largest)).tolist():
-            if texts[row] or not empty:
-                with faults.collecting():
-                    raise self.error(_trouble(texts[row], remedy, largest), row, column)
-        faults.raise_any()
+        wrong = (row for row in np.flatnonzero(~(np.abs(out) <= largest)).tolist() if texts[row] or not empty)
+        raise_all(self.error(trouble_with(texts[row], remedy, largest), row, column) for row in wrong)
         return out
 
     def side_by_side(self, columns: Sequence[str], **how: Any) -> Float[np.ndarray, "rows columns"]:
-        """The numbers of several columns; `how` and errors as of `numbers`."""
-        return np.stack([self.numbers(c, **how) for c in columns], axis=1) if columns else np.empty((len(self), 0))
+        """The numbers of several columns; `how` as of `numbers`, and its errors, those of all columns in one."""
+        faults, values = Faults(), np.full((len(self), len(columns)), np.nan)
+        for k, column in enumerate(columns):
+            with faults.collecting():
+                values[:, k] = self.numbers(column, **how)
+        faults.raise_any()
+        return values
 
     def together(self, columns: Sequence[str], why: str = "") -> tuple[str, ...]:
         """Columns that only make sense together, as the file writes them; none where it has none of them.
@@ -340,7 +349,16 @@ class Table:
             raise self.header_error(f"two columns are named '{shown(min(twice))}' but for letter case; keep one")
 
 
-def _trouble(text: str, remedy: str, largest: float) -> str:
+def raise_all(errors: Iterable[FileError]) -> None:
+    """Raise the first twenty of some errors in one; nothing where there are none."""
+    faults = Faults()
+    for error in errors:
+        with faults.collecting():
+            raise error
+    faults.raise_any()
+
+
+def trouble_with(text: str, remedy: str, largest: float = LARGEST) -> str:
     """Fault of a cell that is no number within a bound, in words."""
     if not text:
         return f"the cell is empty; {remedy}"
@@ -420,6 +438,8 @@ class Sheet:
     """Units that stood behind the numbers of each column, empty where none did; none beyond the last that had one."""
     notes: tuple[str, ...] = ()
     """What was decided on the way, for whoever reads the result."""
+    acted: frozenset[str] = frozenset()
+    """As of `Table`."""
 
     def noted(self, *notes: str) -> "Sheet":
         """The sheet with more notes."""

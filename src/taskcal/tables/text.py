@@ -7,17 +7,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool
 
-from taskcal.errors import FileError, shown
+from taskcal.errors import FileError, listed, shown
+from taskcal.tables.options import DecimalMark
 from taskcal.tables.table import ANGLES, LENGTHS, MAX_MARKS, NUMBER, PLURALS, TEXT, UNITS, Cells, Sheet, Table, too_wide
 
 # Whether a comma in a number is its decimal mark or parts its thousands.
-
-DecimalMark = Literal[".", ","]
 
 _COMMA_IS_DECIMAL = re.compile(
     r"[+-]?(?:\d*,(?:\d{1,2}|\d{4,})|\d{4,},\d+|0+,\d+|,\d+|\d{1,3}(?:\.\d{3})+,\d+|\d*,\d+e[+-]?\d+)", re.ASCII | re.I
@@ -266,8 +264,7 @@ def _commented(comments: Sequence[tuple[int, str]], separator: str, width: int, 
     ]
     if not lines:
         return ()
-    listed = ", ".join(map(str, lines[:5])) + (", …" if len(lines) > 5 else "")
-    return (f"numbers behind a comment mark are left out (line {listed})",)
+    return (f"numbers behind a comment mark are left out (line {listed(lines, 5)})",)
 
 
 def with_decimal_points(
@@ -290,6 +287,8 @@ def with_decimal_points(
     at = cells.holding(",.") & own
     lines = np.repeat(sheet.lines, cells.widths)[at]
     mark = find_decimal_mark(sheet.path, zip(lines, cells.texts(at), strict=True)) if decimal is None else decimal
+    if decimal is not None:
+        sheet = replace(sheet, acted=sheet.acted | {"decimal"})
     pointed = cells.mapped(lambda cell: with_point(cell, mark), at)
     if np.array_equal(pointed.cells, cells.cells):
         return sheet
@@ -420,8 +419,7 @@ def is_footer(row: Sequence[str]) -> bool:
 def footer_note(lines: Iterable[int], rows: Sequence[Sequence[str]]) -> str:
     """First texts and lines of rows that are left out, for a note."""
     firsts = [next(filter(None, row)) for row in rows]
-    listed = ", ".join(f"{shown(text, 40)} (line {line})" for text, line in list(zip(firsts, lines, strict=True))[:5])
-    return f"{listed}{' …' if len(rows) > 5 else ''}"
+    return listed((f"{shown(text, 40)} (line {line})" for text, line in zip(firsts, lines, strict=True)), 5)
 
 
 # A last line without a line end, which may be cut off in its last cell.

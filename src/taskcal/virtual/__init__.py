@@ -1,5 +1,5 @@
 """The virtual cell: a simulated robot, measured by a simulated tracker, sockets, wires or cameras."""
 
-from taskcal.public_names import load_lazily
+from taskcal_groundwork.public_names import load_lazily
 
 __getattr__, __dir__, __all__ = load_lazily(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -2,23 +2,23 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TypedDict, Unpack
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import checked, options_of
+from taskcal.arguments import Named, by_name, checked, chosen_options, joints_checked
 from taskcal.campaigns.campaign import Campaign, in_blocks, join
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, listed
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import Reached, solve_near
-from taskcal.observations import Differential, Measured, Observation, Scene, instrument_of
+from taskcal.observations import Differential, Measured, Observation, Scene
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import TRACKER_POSE
 from taskcal.registration.stations import join_stations
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
+from taskcal.virtual.options import SimulationOptions, check_joint_error
 
 # Measuring a virtual robot without a tracker: it goes to what stands in its cell, or looks at it.
 #
@@ -143,8 +143,8 @@ def _reach(
 def _unreached(robot: TrueRobot, scene: Scene, goals: Float[np.ndarray, "n 4 4"], left: Int[np.ndarray, " k"]) -> str:
     """Describe rows that are not reached: object, distance, and remedy."""
     kind, name = scene.observation, robot.model.robot.name
-    names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])[:MAX_NAMES]]
-    what = f"{kind.label} {', '.join(names)}" if names else "where it measures"
+    names = [] if kind.of is None else [f"'{kind.named[k]}'" for k in np.unique(kind.of[left])]
+    what = f"{kind.label} {listed(names, MAX_NAMES)}" if names else "where it measures"
     base = se3.inverse(robot.T_tracker_base) @ goals[left]
     away = np.linalg.norm(base[:, :3, 3], axis=1) * 1e3
     distance = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (away.min(), away.max())))
@@ -222,6 +222,7 @@ MAX_CELLS = 6
 """Cells that are set up one after another where what stands in one is out of reach; people look for another place, too."""
 
 
+@joints_checked
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
@@ -254,109 +255,16 @@ def draw_defects(model: ErrorModel, rng: np.random.Generator) -> Float[np.ndarra
     return rng.normal(size=len(model)) * model.tolerances
 
 
-class SimulationChoices(TypedDict, total=False):
-    """`SimulationOptions` by keywords: all of them at once, some of them, or some that replace those of a whole."""
-
-    options: "SimulationOptions | None"
-    x: Float[np.ndarray, " p"] | None
-    targets: Mapping[str, Float[np.ndarray, " 3"]] | None
-    pose: bool
-    noise: TrackerNoise | None
-    T_tracker_base: Float[np.ndarray, "4 4"] | None
-    lost: float
-    conditions: Conditions | None
-    model_error: float
-    joint_error: float | Float[np.ndarray, " joints"]
-    observe: str
-    places: int | None
-    stations: int
-
-
-@checked
-@short_repr
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SimulationOptions:
-    """Options of a simulation: instrument, targets and noise."""
-
-    x: Float[np.ndarray, " p"] | None = None
-    """The true robot's defects; None to draw them from the tolerances."""
-    targets: Mapping[str, Float[np.ndarray, " 3"]] | None = None
-    """Target centres in the tool frame, metres; None for one at the TCP."""
-    pose: bool = False
-    """Measure poses of the first target instead of points."""
-    noise: TrackerNoise | None = None
-    """The tracker's; None for the default."""
-    T_tracker_base: Float[np.ndarray, "4 4"] | None = None
-    """Where the tracker sees the base."""
-    lost: float = 0.0
-    """Share of beams that are lost."""
-    conditions: Conditions | None = None
-    """How the poses were reached; None for one after another in the order of the rows, where an effect of the model depends on
-    it, and at its reference where it grows."""
-    model_error: float = 0.0
-    """Standard deviation per axis of what the model does not explain, metres; white, at every measured point."""
-    joint_error: float | Float[np.ndarray, " joints"] = 0.0
-    """Standard deviation of the true joints about what the controller says, radians (metres where a joint slides)."""
-    observe: str = "tracker"
-    """The instrument: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube`` …; ``socket+wire`` shares the
-    rows."""
-    places: int | None = None
-    """How many blocks, anchors, landmarks, planes or cubes stand there, without a tracker; three blocks, anchors or planes, one of
-    the others by default."""
-    stations: int = 1
-    """How many places the tracker stands at, evenly about the robot; as many rows one after another are measured from each."""
-
-    def __post_init__(self) -> None:
-        for name in self.kinds:
-            if self.instruments.count(name) > 1:
-                raise CampaignError(f"'{self.observe}' names {name} twice; name each instrument once")
-        if self.pose and not self.tracked:
-            raise CampaignError(
-                f"poses are measured by a tracker alone, not by '{self.observe}'; leave out one of both"
-            )
-        if self.places is not None and (self.places < 1 or self.tracked):
-            raise CampaignError(
-                f"{self.places} places do not go with '{self.observe}'; give one or more, for fixtures without a tracker"
-            )
-
-        if self.stations < 1 or (self.stations > 1 and self.instruments != ("tracker",)):
-            raise CampaignError(
-                f"{self.stations} stations do not go with '{self.observe}'; a tracker alone has one or more (observe='tracker')"
-            )
-
-    @property
-    def instruments(self) -> tuple[str, ...]:
-        """Names of the instruments, one after another."""
-        return tuple(self.observe.split("+"))
-
-    @property
-    def kinds(self) -> dict[str, type[Observation]]:
-        """Kinds of observation of each instrument.
-
-        Raises:
-            UnknownName: an instrument that does not exist.
-        """
-        return {name: instrument_of(name) for name in self.instruments}
-
-    @property
-    def tracked(self) -> bool:
-        """Whether a tracker measures alone."""
-        return all(kind.in_tracker for kind in self.kinds.values())
-
-    def reflectors_beside(self, others: set[str]) -> dict[str, Float[np.ndarray, " 3"]]:
-        """The targets that a tracker measures: one at the TCP where all that are named are measured otherwise."""
-        named = {name: np.asarray(at, dtype=float) for name, at in (self.targets or {}).items() if name not in others}
-        named = named or {"tool": np.zeros(3)}
-        return dict(list(named.items())[:1]) if self.pose else named
-
-
+@by_name(SimulationOptions)
 @checked
 def simulate(
+    _kind: Callable[Named, SimulationOptions],
     model: ErrorModel,
     q: Float[np.ndarray, "n joints"],
-    *,
     rng: np.random.Generator,
-    **options: Unpack[SimulationChoices],
+    options: SimulationOptions | None = None,
+    *_args: Named.args,
+    **_named: Named.kwargs,
 ) -> tuple[Campaign, Truth]:
     """Measure a virtual robot.
 
@@ -364,47 +272,19 @@ def simulate(
         model: the model that the true robot follows.
         q: joint positions of the measured poses, radians; where something is touched or looked at, of poses near them.
         rng: source of the defects and of the noise.
-        **options: those of `SimulationOptions`, each by its name, and all at once as ``options``; names replace what is in those.
-
-            ``x``: the true robot's defects; drawn from the tolerances by default.
-
-            ``targets``: target centres in the tool frame, metres; one at the TCP by default.
-
-            ``pose``: measure poses of the first target instead of points.
-
-            ``noise``: the tracker's.
-
-            ``T_tracker_base``: where the tracker sees the base.
-
-            ``lost``: share of beams that are lost.
-
-            ``conditions``: how the poses were reached; one after another in the order of the rows by default, where an effect
-            of the model depends on it, and at its reference where it grows.
-
-            ``model_error``: standard deviation per axis of what the model does not explain, metres; white, at every measured
-            point.
-
-            ``joint_error``: standard deviation of the true joints about what the controller says.
-
-            ``observe``: the instrument: ``tracker``, ``socket``, ``wire``, ``camera``, ``board``, ``plane``, ``cube`` …;
-            ``socket+wire`` shares the rows. With a socket or a camera the true robot takes the posture nearby at which the ball
-            is in the socket, or the landmark in the picture.
-
-            ``places``: number of blocks, anchors, landmarks there.
-
-            ``stations``: number of places that the tracker stands at, one after another, about the robot; the campaign is in
-            the frame of the first, as that of a file (`join_stations`).
+        options: all at once; those that are named replace what is in them.
 
     Returns:
         the campaign, and the truth it was made from.
 
     Raises:
         UnknownName: an instrument that does not exist.
-        CampaignError: options do not go together.
+        WrongValue: options that cannot be, or not together.
         CampaignError: in none of some cells does the robot reach all that stands there.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    chosen, q = options_of(SimulationOptions, options, "a simulation"), np.asarray(q, dtype=float)
+    chosen, q = chosen_options(_kind, options, *_args, **_named), np.asarray(q, dtype=float)
+    check_joint_error(chosen.joint_error, q.shape[1])
     kinds = chosen.kinds
     if len(q) < len(kinds):
         raise CampaignError(f"{len(q)} rows cannot be shared among {len(kinds)} instruments; give more")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from taskcal.arguments import joints_checked
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kernels.projection import project
@@ -61,6 +62,7 @@ class Shots:
     pixel: Float[np.ndarray, "c 2"]
 
 
+@joints_checked
 def take_shots(
     model: ErrorModel,
     q: Float[np.ndarray, "n joints"],

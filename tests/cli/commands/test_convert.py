@@ -45,8 +45,8 @@ def test_convert_writes_plain_csv_and_reports_every_inference(run: Run, plain: P
         "column left out: Bemerkung",
         "joints without a unit are read as degrees, by their size",
         "positions without a unit are read in mm, by how far ur5 moved",
-        f"{tmp_path / 'out.csv'}: 40 poses with joints and tool",
     ]
+    assert f"wrote {tmp_path / 'out.csv'}: 40 poses with joints and tool" in " ".join(ended.out.split())
     expected, campaign = read_campaign(plain, ROBOT), read_campaign(tmp_path / "out.csv", ROBOT)
     np.testing.assert_allclose(campaign.q, expected.q, atol=1e-9)
     np.testing.assert_allclose(campaign.points, expected.points, atol=1e-9)

@@ -148,7 +148,7 @@ def test_correction_below_its_uncertainty_is_not_written(run: Run, cell: Path, p
     )
     people = run("correct", "--accept-uncertain", "-c", cell / "cal.json", *around, part, "-o", out)
     assert (people.status, out.exists()) == (0, True)
-    assert people.out.index("Verdict") < people.out.index("targets") < people.out.index("next")
+    assert people.out.index("Verdict") < people.out.index("\nnext") < people.out.index("\nTargets")
 
 
 def test_a_dry_run_writes_nothing_and_prints_the_tables(run: Run, cell: Path, part: Path, tmp_path: Path):
@@ -215,7 +215,7 @@ def test_an_unknown_frame_is_named_by_file_and_line_and_left(run: Run, cell, rob
     path.write_text(module(robot, GOOD[0], line), newline="")
     to_fill_in = tmp_path / "cell.toml"
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.mod", "--missing", to_fill_in)
-    assert f"{path}:8" in ended.err
+    assert f"{path}:8" in ended.out
     assert "part wFixture (1)" in ended.err
     assert line in (tmp_path / "out.mod").read_text()
     assert 'name = "wFixture"' in to_fill_in.read_text()
@@ -312,7 +312,7 @@ def test_several_files_go_into_a_folder(run: Run, cell, robot, tmp_path):
     ("arguments", "status", "words"),
     [
         (["{part}"], 2, "--dry-run"),
-        (["{part}", "-o", "{out}", "--tolerance-mm", "0"], 2, "not above zero"),
+        (["{part}", "-o", "{out}", "--tolerance-mm", "0"], 2, "0 mm is not above 0 mm"),
         (["{part}", "-o", "{out}", "--tool", "cutter"], 2, "--cell"),
         (["{part}", "-o", "{out}", "--cell", "{part}"], 1, "not TOML"),
         (["{part}", "{part}", "-o", "{out}"], 1, "given twice"),
@@ -364,3 +364,26 @@ def test_report_and_correction_give_one_verdict(run: Run, cell: Path, part: Path
     for page in ("r.html", "c.html"):
         text = (tmp_path / page).read_text(encoding="utf-8")
         assert text.index("Verdict") < text.index("Summary")
+
+
+def test_a_robot_file_in_doubt_is_warned_of(run: Run, tmp_path: Path) -> None:
+    """On the terminal, in the result and on the page: its controller computes with other lengths than this file's."""
+    robot, rng = load_robot("ur5"), np.random.default_rng(0)
+    q = rng.uniform(-1.5, 1.5, (60, 6))
+    campaign, _ = simulate(ErrorModel(robot), q, rng=rng, model_error=3e-5)
+    identify(ErrorModel(load_robot("ur5e")), campaign).save(tmp_path / "cal.json")
+    calibration = load_calibration(tmp_path / "cal.json")
+    T = ErrorModel(robot).poses(calibration.q[:2])
+    rows = np.c_[T[:, :3, 3] * 1e3, se3.to_quaternion(T[:, :3, :3])]
+    lines = ["x_mm,y_mm,z_mm,qx,qy,qz,qw,move", *(",".join(f"{v:.9f}" for v in row) + ",joint" for row in rows)]
+    (tmp_path / "path.csv").write_text("\n".join([*lines, ""]))
+    options = ["--max-shift-mm", "100", "--max-turn-deg", "30", "--max-joint-deg", "30"]
+    given = ["-c", tmp_path / "cal.json", tmp_path / "path.csv", "-o", tmp_path / "out.csv", *options]
+    ended = run("correct", *given, "--report", tmp_path / "r.html", "--json")
+    assert ended.json["doubts"] == list(calibration.doubts)
+    said = " ".join(run("correct", *given).out.split())
+    assert "Warning: robot file in doubt: " in said
+    assert "identify with --robot ur5" in said
+    assert "computes with the nominal lengths of ur5e" in ended.json["relative_to"][-1]
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "Warning: robot file in doubt: " in page

@@ -83,7 +83,9 @@ def test_correct_leaves_points_of_another_tool(run: Run, cell: Path, tmp_path: P
     path.write_text(first + "LOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
     ended = run("correct", "-c", cell / "cal.json", path, "-o", tmp_path / "out.apt")
     assert ended.status == 1
-    assert "two-tools.apt:4: unchanged: tool 2 is loaded, and it is not known where that is" in ended.err
+    said = " ".join(ended.out.split())
+    assert "Rejected motions:" in said
+    assert "two-tools.apt:4: tool 2 is loaded, and it is not known where that is" in said
     assert (tmp_path / "out.apt").read_text().endswith("\nLOAD/TOOL,2\nGOTO/1750.,30.,1450.\n")
 
 

@@ -12,12 +12,12 @@ import pytest
 import taskcal as tc
 from taskcal.campaigns.campaign import Campaign
 from taskcal.cli import main
-from taskcal.demo.closed_loop import prepare_closed_loop
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.identify import identify
 from taskcal.robot.effects import SOFT, WarmUp
 from taskcal.robot.effects.gears import GEARS
 from taskcal.robot.error_model import ErrorModel
+from taskcal_demo.closed_loop import prepare_closed_loop
 from tests.cli.conftest import Run
 
 
@@ -108,8 +108,8 @@ def test_demo_closed_loop_program_can_be_reproduced(run: Run, folder: Path, monk
         return identify(model + SOFT + GEARS + WarmUp().referred(campaign.conditions), campaign)
 
     small = partial(prepare_closed_loop, poses=40, rows=2, candidates=50)
-    monkeypatch.setattr("taskcal.demo.closed_loop.prepare_closed_loop", small)
-    monkeypatch.setattr("taskcal.demo.closed_loop.find_effects", named_effects)
+    monkeypatch.setattr("taskcal_demo.closed_loop.prepare_closed_loop", small)
+    monkeypatch.setattr("taskcal_demo.closed_loop.find_effects", named_effects)
     ended = run("demo", "--full", "--unkind", "--robots", "1", "--count", "10", "--json", "-o", str(folder))
     assert ended.status == 0
     unkind = ended.json["closed_loop_unkind"]

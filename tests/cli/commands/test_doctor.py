@@ -1,5 +1,6 @@
 """taskcal doctor."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,7 +61,15 @@ def test_a_reversed_joint_is_found_and_mended(run: Run, reversed_j3: Path, tmp_p
     robot = load_robot("ur5")
     given, right = (read_campaign(path, robot).q for path in (reversed_j3, mended))
     np.testing.assert_allclose(right, given * [1.0, 1.0, -1.0, 1.0, 1.0, 1.0], atol=1e-9)
-    assert run("doctor", mended, "--robot", "ur5", "--json").json == {"findings": []}
+    told = " ".join(ended.err.split())  # wherever a narrow line breaks
+    assert "applied: joint-sign of J3" in told
+    before, after = re.search(r"error of rows held out, .*: ([\d.]+) mm as given, ([\d.]+) mm fixed", told).groups()
+    assert float(after) < 0.1 * float(before)
+    again = tmp_path / "again.csv"
+    sound = run("doctor", mended, "--robot", "ur5", "--fix", again, "--json")
+    assert sound.json == {"findings": []}
+    assert "is not written: no mistake found" in " ".join(sound.err.split())
+    assert not again.exists()
 
 
 def test_the_refusal_of_a_fit_says_what_the_doctor_finds(run: Run, reversed_j3: Path, tmp_path: Path) -> None:
@@ -76,7 +85,7 @@ def test_doctor_shows_too_few_rows_alone(run: Run, reversed_j3: Path, tmp_path: 
     assert (only["id"], only["error_before_mm"], only["error_after_mm"]) == ("too-few-rows", None, None)
     shown = run("doctor", three, "--robot", "ur5", "--fix", tmp_path / "mended.csv")
     assert shown.status == 0
-    assert "too-few-rows: 3 measured rows are too few" in shown.out
+    assert "too-few-rows  3 measured rows are too few" in shown.out
     refused = run("identify", three, "--robot", "ur5", "-o", tmp_path / "cal.json")
     assert refused.status == 1
     assert "hint:" not in refused.err

@@ -50,6 +50,10 @@ def test_campaigns_are_identified_and_judged_by_the_accuracy(run: Run, tmp_path:
     assert {row["verdict"] for row in ended.json["calibrations"]} <= {"good", "too few rows"}
     (folder / "b" / "2026-03-01.csv").unlink()
     assert run("fleet", folder, *small, "--accuracy-mm", 1).status == 0
+    row = ended.json["calibrations"][-1]
+    assert row["held_out_rms_mm"] > row["held_out_mm"]
+    between = 0.5 * (row["held_out_rms_mm"] + row["held_out_mm"])
+    assert row["robot"] in run("fleet", folder, "--accuracy-mm", between, "--json").json["beyond"]
     ended = run("fleet", folder, "--accuracy-mm", 0.01, "--json")
     assert (ended.status, ended.json["beyond"]) == (1, ["a", "b", "c"])
 
@@ -67,7 +71,7 @@ def test_of_many_only_those_that_need_a_look_are_shown(run: Run, fleet: Path, mo
     [
         (["--identify"], "--identify needs --robot"),
         (["--robot", "ur5"], "--robot requires --identify"),
-        (["--accuracy-mm", "0"], "0 is not above zero"),
+        (["--accuracy-mm", "0"], "0 is not above 0"),
         (["--engine", "dask"], "needs --scheduler"),
     ],
 )

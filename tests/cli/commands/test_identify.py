@@ -2,18 +2,20 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import taskcal as tc
 from taskcal.cli.commands import doctor
-from taskcal.cli.commands.identify import next_steps
 from taskcal.errors import TaskcalError
-from taskcal.identification.calibration import load_calibration
+from taskcal.identification.calibration import COURSE_IN_DOUBT, load_calibration
 from taskcal.identification.sibling import MIN_GAIN
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign
+from taskcal.report.fit import next_steps
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
@@ -127,7 +129,8 @@ def test_effects_that_cannot_be_tried_are_said_and_not_advised(run: Run, tmp_pat
     write_campaign(tmp_path / "column.csv", campaign, model.robot)
     plain = identify(run, tmp_path / "column.csv", tmp_path / "a.json", robot=robot)
     assert "--effects auto" not in plain.out
-    shown = identify(run, tmp_path / "column.csv", tmp_path / "b.json", "--effects", "auto", robot=robot)
+    options = ["--effects", "auto", "--holdout", "0.3"]
+    shown = identify(run, tmp_path / "column.csv", tmp_path / "b.json", *options, robot=robot)
     assert "no effect was tried: all effects: column has joints that others drive (lift2)" in shown.err
     assert "not tried" in shown.out
     assert "--effects auto" not in shown.out
@@ -135,6 +138,7 @@ def test_effects_that_cannot_be_tried_are_said_and_not_advised(run: Run, tmp_pat
         run, tmp_path / "column.csv", tmp_path / "c.json", "--effects", "auto", "--json", robot=robot
     ).json
     assert "lift2" in result["not_tried"]["all effects"]
+    assert (result["holdout"]["folds"], result["holdout"]["by"], result["held_out"]["n"]) == (5, "neighbours", 40)
     assert "no effect was tried" in result["remarks"][-1]
 
 
@@ -177,7 +181,7 @@ J2 = [f"J2.{component}" for component in ("tx", "ty", "tz", "rx", "ry", "rz")]
     [
         (["--targets", "smr3,smr1", "--keep", "J2,psi5,loop.rod"], ["smr3", "smr1"], [*J2, "J5.ry", "loop.rod"]),
         (
-            ["--keep", "J2.tx,J3.rz", "--effects", "gain"],
+            ["--keep", "J2.tx,J3.rz", "--effects", "gain", "--holdout", "0.3"],
             None,
             ["J2.tx", "J3.rz", *(f"J{j}.gain" for j in range(1, 7))],
         ),
@@ -215,8 +219,6 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
         "0.05",
         "--prior-scale",
         "2",
-        "--loss",
-        "huber",
         "--frames",
         "fixed",
         "--mpe-to-sigma",
@@ -226,7 +228,7 @@ def test_options_reach_the_fit(run: Run, cell: Path, tmp_path: Path) -> None:
     assert result["model_error_mm"] == pytest.approx(0.05)
     assert result["prior_scale"] == pytest.approx(2.0)
     options = load_calibration(tmp_path / "a.json").provenance.options
-    assert (options["loss"]["kind"], options["frames"]) == ("huber", "fixed")
+    assert options["frames"] == "fixed"
 
 
 def test_a_sibling_is_read_named_and_not_overwritten(run: Run, cell: Path, tmp_path: Path) -> None:
@@ -398,6 +400,18 @@ def test_wrong_rows_are_asked_for_again_and_listed(run: Run, cell: Path, tmp_pat
     assert {int(words[0]) for words in table if words[0] == words[2] and words[0].isdigit()} == set(wrong)
 
 
+@pytest.mark.parametrize("given", [[], ["--holdout", "0.3"], ["--folds", "4"], ["--rows", "0:12"]])
+def test_rows_are_asked_to_be_held_out_where_none_are(run: Run, cell: Path, tmp_path: Path, given: list[str]) -> None:
+    """Of few rows, of which a remark says that the residuals of fitted ones say little, too."""
+    few = tmp_path / "few.csv"
+    few.write_text("".join((cell / "one.csv").read_text().splitlines(keepends=True)[:21]))
+    ended = identify(run, few, tmp_path / "cal.json", *given)
+    said = " ".join((ended.out + ended.err).split())
+    assert ended.status == 0, ended.err
+    assert "say little" in said
+    assert ("hold rows out" in said or "--holdout" in said) == (not given)
+
+
 def test_next_steps_follow_from_the_errors(run: Run, cell: Path, tmp_path: Path) -> None:
     """A held-out error like the fit's asks for nothing, one of a multiple for poses; one of several times the noise for effects."""
     fitted = identify(run, cell / "one.csv", tmp_path / "cal.json", "--json").json
@@ -422,5 +436,11 @@ def test_next_steps_follow_from_the_errors(run: Run, cell: Path, tmp_path: Path)
     assert advised(1.3, 0.55 * 1.3 * mean) == set()
     assert advised(1.3, mean, targets=unlocated) == {"turn"}
     assert advised(1.3, 0.1 * mean, explanation={}) == set()
+    measured = read_campaign(cell / "one.csv", load_robot(IRB6660))
+    coarse = replace(measured, q=np.radians(np.degrees(measured.q).round(1)))
+    of_rows = tc.identify(calibration.model, coarse), replace(calibration, remarks=(f"{COURSE_IN_DOUBT}a drift",))
+    for of_rows_alone in of_rows:  # of which no effect of the robot is the cause
+        steps = next_steps(of_rows_alone, {**fitted, "held_out": fitted["fitted"]}, 0.1 * mean)
+        assert not any(step.startswith("fit non-") for step in steps)
     report = next_steps(calibration, {**fitted, "calibration": "my cells/a b.json"}, mean)[-1]
     assert "my cells/a b.json" in shlex.split(report.partition(";")[0])

@@ -10,7 +10,8 @@ from scipy.stats import chi2
 
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.report.camera import camera_section
 from taskcal.report.content import Chart
 from taskcal.robot.catalogue import load_robot
@@ -45,7 +46,7 @@ def test_images_give_the_hand_eye_and_a_file_that_gives_it_again(run, tmp_path, 
     calibration = load_calibration("cal.json")
     true = np.array(json.loads((tmp_path / "truth.json").read_text())["targets"]["camera"])
     apart = se3.inverse(calibration.T_tool_target[0]) @ true
-    e, own = np.concatenate([apart[:3, 3], se3.log(apart[:3, :3])]), calibration.layout.places[0]
+    e, own = np.concatenate([apart[:3, 3], se3.log(apart[:3, :3])]), calibration.layout.places[0].columns
     assert e @ np.linalg.solve(calibration.z_covariance[np.ix_(own, own)], e) < chi2(6).ppf(0.95)
 
     again = read_campaign(

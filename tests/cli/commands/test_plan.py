@@ -141,7 +141,7 @@ def test_a_calibration_is_planned_on_with_its_effects(
     people = run(*on, "--report", tmp_path / "plan.html")
     assert "calibration as it is" in people.out
     assert "added to 60" in people.out
-    assert "expected before: calibration as it is" in (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert "calibration as it is" in (tmp_path / "plan.html").read_text(encoding="utf-8")
     poses = tmp_path / "poses.json"
     assert run("identify", "--robot", IRB6660, cell / "poses.csv", "-o", poses).status == 0
     refused = run("plan", "--calibration", poses, *ask[3:])

@@ -1,5 +1,6 @@
 import csv
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,8 +58,8 @@ def test_a_calibration_says_how_far_off_the_nominal_robot_is(run: Run, joints, t
     assert row["u_mm"] > 0.0
     shown = run("poses", "--calibration", tmp_path / "cal.json", joints)
     assert "distance_mm" in shown.out
-    assert "nominal" not in shown.out
-    assert "--output" in shown.err
+    assert "nominal_x_mm" not in shown.out
+    assert "--output" in shown.out
 
 
 def test_poses_out_of_reach_are_said(run: Run, tmp_path) -> None:
@@ -85,7 +86,7 @@ def test_as_many_rows_are_shown_as_there_is_room_for(run: Run, tmp_path, count) 
     path.write_text("\n".join(["id," + ",".join(f"J{j}_deg" for j in range(1, 7)), *rows]) + "\n", encoding="utf-8")
     ended = run("poses", "--robot", "ur5", path)
     assert sum(line.strip().startswith("pose") for line in ended.out.splitlines()) == MAX_SHOWN_ROWS
-    assert ("more rows" in ended.err) == (count > MAX_SHOWN_ROWS)
+    assert ("more rows" in ended.out) == (count > MAX_SHOWN_ROWS)
     assert len(run("poses", "--robot", "ur5", path, "--json").json["rows"]) == count
 
 
@@ -131,3 +132,15 @@ def test_poses_are_no_joints_of_a_robot_that_calls_them_xyz(run: Run, tmp_path) 
     (tmp_path / "tilt.csv").write_text(tilt, encoding="utf-8")
     assert run("poses", "--robot", path, tmp_path / "tilt.csv").status == 1
     assert "3 of six directions" in run("poses", "--calibration", tmp_path / "cal.json", tmp_path / "tilt.csv").err
+
+
+def test_every_row_that_is_not_reached_is_counted(run: Run, tmp_path: Path) -> None:
+    """Of few rows all are named, of many the first and how many there are."""
+    reached = "400,0,400,0,1,0,0"
+    for missed in ([1], [1, 3, 4], list(range(1, 16))):
+        lines = [f"{9999 if k in missed else 400},{reached.partition(',')[2]}" for k in range(max(missed) + 2)]
+        (tmp_path / "t.csv").write_text("\n".join(["x_mm,y_mm,z_mm,qx,qy,qz,qw", *lines]) + "\n")
+        ended = run("poses", tmp_path / "t.csv", "-r", "abb-irb120", "--json")
+        assert ended.status == 0, ended.err
+        named = ", ".join(map(str, missed[:10])) + (" and 5 more" if len(missed) > 10 else "")
+        assert f"{named}: " in ended.err

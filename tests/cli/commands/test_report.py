@@ -1,5 +1,6 @@
 """taskcal report, and the pages of sensitivity and select."""
 
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -39,24 +40,22 @@ def test_a_calibration_over_a_workspace(run: Run, cell: Path, tmp_path: Path) ->
     assert ("No outliers" in page.read_text(encoding="utf-8")) == (result["outliers"] == 0)
 
 
-def test_the_head_the_summary_and_every_section_of_a_page(run: Run, cell: Path, tmp_path: Path) -> None:
-    page, summary, head = (tmp_path / name for name in ("r.html", "r.md", "head.toml"))
+def test_the_head_and_every_section_of_a_page(run: Run, cell: Path, tmp_path: Path) -> None:
+    page, head = (tmp_path / name for name in ("r.html", "head.toml"))
     head.write_text('customer = "Example & Sons"\nserial_number = "6660-1"\ntemperature_C = 21.5\ndate = 2026-11-20\n')
-    both = ["--header", head, "--markdown", summary, "-o", page, "--campaign", cell / "one.csv"]
+    both = ["--header", head, "-o", page, "--campaign", cell / "one.csv"]
     ended = run("report", cell / "cal.json", *both)
     assert ended.status == 0
-    assert ended.out.endswith(f"wrote {page}, {summary}\n")
-    text, plain = page.read_text(encoding="utf-8"), summary.read_text(encoding="utf-8")
-    assert "Example &amp; Sons" in text
-    for said in ("Example & Sons", "temperature: 21.5 °C", "date: 2026-11-20"):
-        assert said in plain
+    assert " ".join(ended.out.split()).endswith(f"wrote {page}")
+    text = page.read_text(encoding="utf-8")
+    for said in ("Example &amp; Sons", "21.5 °C", "2026-11-20"):
+        assert said in text
     for title in (
         "Summary",
         "Uncertainty of a predicted position",
         "Error reduction by model stage",
     ):
         assert f". {title}</h2>" in text
-        assert f". {title}\n" in plain
     assert "µm" not in text[text.index("<main>") : text.index("</main>")]
     head.write_text('costumer = "Example"\n')
     wrong = run("report", cell / "cal.json", "--header", head, "-o", page)
@@ -73,7 +72,10 @@ def test_figures_need_a_browser_a_format_and_a_folder(
     without = run(*figured)
     assert (without.status, without.out) == (1, "")
     assert "TASKCAL_BROWSER names no-such-browser, which is not a program" in without.err
-    assert run(*figured, "--figure-format", "gif").status == 2
+    for pixels in ("gif", "png"):
+        assert f"'{pixels}' is not one of 'svg', 'pdf'" in run(*figured, "--figure-format", pixels).err
+    printed = run("report", cell / "cal.json", "-o", page, "--certificate", tmp_path / "c.pdf")
+    assert (printed.status, printed.err) == (1, without.err)
     assert not page.exists()
     monkeypatch.setenv("TASKCAL_BROWSER", "python3")
     assert "no folder" in run("report", cell / "cal.json", "-o", page, "--figures", tmp_path / "a" / "b").err
@@ -81,7 +83,8 @@ def test_figures_need_a_browser_a_format_and_a_folder(
 
 def test_a_calibration_along_a_path_and_without_a_task(run: Run, cell: Path, path: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
-    assert "over 'line'" in run("report", cell / "cal.json", "--task", path, "-o", page).out
+    said = run("report", cell / "cal.json", "--task", path, "-o", page).out
+    assert "Standard uncertainty over line, " in " ".join(said.split())
     assert "95 % intervals pose by pose" in page.read_text(encoding="utf-8")
     assert run("report", cell / "cal.json", "-o", page).status == 0
     assert figures(page) == 8
@@ -188,13 +191,13 @@ def test_every_page_has_a_head_and_a_summary_if_asked_for(
     alone = run(*given)
     assert alone.status == 2
     assert "--header requires --report" in alone.err
-    summary = tmp_path / "s.md"
-    ended = run(*given, "--markdown", summary)
+    page = tmp_path / "s.html"
+    ended = run(*given, "--report", page)
     assert ended.status == 0, ended.err
-    assert str(summary) in ended.out
-    assert "- customer: Example & Sons" in summary.read_text(encoding="utf-8")
+    assert str(page) in ended.out
+    assert "Example &amp; Sons" in page.read_text(encoding="utf-8")
     (tmp_path / "head.toml").write_text("customer = 3\n")
-    wrong = run(*given, "--markdown", summary)
+    wrong = run(*given, "--report", page)
     assert wrong.status == 1
     assert "head.toml" in wrong.err
 
@@ -211,6 +214,14 @@ def test_a_certificate_has_what_is_known_and_lines_for_the_rest(run: Run, cell: 
     assert "6660-1" in text
     for blank in ("operator", "instrument", "date"):
         assert f"<dt>{blank}</dt><dd>…" in text
+    held = (
+        "number",
+        "box of",
+        "joint ranges",
+        "1σ = 0.5 MPE",
+        sha256((cell / "cal.json").read_bytes()).hexdigest()[:16],
+    )
+    assert [one for one in held if one not in text] == []
     for judgement in ended.json["verdict"]["judgements"]:
         expected = judgement["expected_mm"]
         assert expected is None or f"{expected:.3f}" in text

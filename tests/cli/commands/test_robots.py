@@ -60,7 +60,7 @@ def test_a_table_becomes_a_robot(run: Run, tmp_path: Path) -> None:
     robot = tmp_path / "robot.toml"
     ended = run("robots", "import", tmp_path / "table.csv", "--convention", "mdh", "-o", robot, "--name", "mine")
     assert ended.status == 0
-    assert f"--robot {robot}" in ended.err
+    assert f"--robot {robot}" in " ".join(ended.out.split())
     assert load_robot(robot).name == "mine"
     assert run("robots", robot, "--json").json["notes"] == ["coupled axes"]
 

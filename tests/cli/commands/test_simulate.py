@@ -132,10 +132,10 @@ def test_a_robot_is_measured_without_a_tracker(run: Run, cell: Path, tmp_path: P
     ("options", "message"),
     [
         (["--observe", "sokcet"], "did you mean 'socket'"),
-        (["--observe", "wire", "--pose"], "only for a tracker"),
+        (["--observe", "wire", "--pose"], "poses are measured by a tracker alone"),
         (["--observe", "wire", "--distances", "d.csv"], "only sockets have stated distances"),
         (["--places", "2"], "a tracker needs no places"),
-        (["--joint-error-deg", "-1"], "-1 is not zero or above"),
+        (["--joint-error-deg", "-1"], "'-1' must be 0 or more"),
     ],
 )
 def test_ways_to_measure_that_are_not_offered(

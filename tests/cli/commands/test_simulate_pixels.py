@@ -5,7 +5,8 @@ import pytest
 
 from taskcal.observations.calibration_board import read_boards
 from taskcal.reading.detection import corners_of
-from taskcal.reading.reader import ReadOptions, read_campaign
+from taskcal.reading.options import ReadOptions
+from taskcal.reading.reader import read_campaign
 from taskcal.robot.catalogue import load_robot
 from tests.task.task_files import BOX
 

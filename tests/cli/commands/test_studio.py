@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from taskcal.cli import main
-from taskcal.studio.project import FolderLock
+from taskcal_studio.project import FolderLock
 
 
 def test_a_folder_that_is_open_elsewhere_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,7 +46,7 @@ def test_more_poses_make_the_task_more_accurate(run: Run, ask: list[object], tmp
     assert (result["model_error_mm"], result["model_error_origin"]) == (0.0, "as given")
     page = (tmp_path / "study.html").read_text(encoding="utf-8")
     assert page.count("<figure>") == 1
-    assert "Model error: 0 mm per axis at every pose: as given" in page
+    assert "<dt>model error</dt><dd>0 mm per axis at every pose: as given</dd>" in page
 
 
 def test_an_interrupted_study_goes_on_with_the_same_result(

@@ -26,7 +26,7 @@ def test_a_limit_is_kept_or_not_and_the_exit_status_says_so(
 ) -> None:
     ended = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--json")
     assert (ended.status, ended.json["acceptance"]["decision"]) == (status, decision)
-    assert ended.json["acceptance"]["value_mm"] == ended.json["max_mm"]
+    assert ended.json["acceptance"]["value_mm"] == ended.json["rms_mm"]
     read = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--accept-of", "mean")
     assert read.status == status
     assert decision.upper() in read.out

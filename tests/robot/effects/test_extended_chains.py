@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from taskcal.demo.true_robot import ElasticLinks
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
@@ -22,6 +21,7 @@ from taskcal.robot.effects import base as registry
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.virtual.cell import simulate
+from taskcal_demo.true_robot import ElasticLinks
 from tests.laws import plain, statics
 from tests.laws.robots import Case, cases, generators
 from tests.robot.effects.test_random_robots import slopes

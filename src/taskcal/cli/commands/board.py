@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import OutputOptions, look_at
-from taskcal.cli.output import info, tell
+from taskcal.cli.command import argument, option, output_option
+from taskcal.cli.options.common import look_at
+from taskcal.cli.run import File, OutputOptions, Result, Run
+from taskcal.report.content import Facts, Section
 
 if TYPE_CHECKING:
     from taskcal.observations.board_drawing import Sheet
@@ -21,8 +22,8 @@ class PatternOptions:
     kind: str | None = option(
         None, "KIND", "Without a file: charuco, aprilgrid, checkerboard, circles or asymmetric_circles."
     )
-    columns: int | None = option(None, "N", "Squares, tags or dots in a row.", min=1)
-    rows: int | None = option(None, "N", "Rows of them.", min=1)
+    columns: int | None = option(None, "N", "Squares, tags or dots in a row.", low=1)
+    rows: int | None = option(None, "N", "Rows of them.", low=1)
     square_mm: float | None = option(None, "MM", "Edge of a square; distance from tag to tag, or dot to dot.")
     marker_mm: float | None = option(None, "MM", "Edge of a marker with its black border, or diameter of a dot.")
     dictionary: str | None = option(None, "NAME", "Dictionary of the markers, such as 6X6_250 or APRILTAG_36h11.")
@@ -35,14 +36,15 @@ class PatternOptions:
 
 def command(
     *,
+    run: Run,
     board: Path | None = argument(None, "BOARD.toml", "Boards to print, one on each page.", callback=look_at),
     pattern: PatternOptions,
-    output: Path = option(
-        ..., "BOARD.pdf", "Output PDF; without a file of boards, BOARD.toml is written beside it.", also="-o"
+    output: Path = output_option(
+        ..., "BOARD.pdf", "Output PDF; without a file of boards, BOARD.toml is written beside it."
     ),
     page: str = option("A4", "PAGE", "A4 to A0, letter, tabloid, or WIDTHxHEIGHT in millimetres."),
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Print calibration boards at true scale, with a ruler."""
     described = None if board is not None else output.with_suffix(".toml")
     if board is not None and pattern.given:
@@ -52,15 +54,23 @@ def command(
         raise typer.BadParameter("name a file of boards, BOARD.toml, or a kind of board", param_hint="--kind")
     if output.suffix.lower() != ".pdf":
         raise typer.BadParameter(f"'{output}' is not the name of a PDF; write for example board.pdf", param_hint="-o")
-    outputs = out.begin("board", [("--output", output), ("BOARD.toml", described)], [board])
+    run.free("BOARD.toml", described)
     from taskcal.observations.board_drawing import board_pdf, lay_out_board
     from taskcal.observations.calibration_board import board_text, describe_board, read_boards
 
     boards = (describe_board(pattern.given),) if board is None else read_boards(board)
     sheets = [lay_out_board(one, page) for one in boards]
-    outputs.write({output: board_pdf(sheets), described: board_text(pattern.given)})
-    result = {"file": output, "described": described, "page": page, "boards": [_facts(sheet) for sheet in sheets]}
-    out.give(result, lambda: _tell(result))
+    result: dict[str, Any] = {
+        "file": output,
+        "described": described,
+        "page": page,
+        "boards": [_facts(sheet) for sheet in sheets],
+    }
+    files = [
+        File("sheet", output, board_pdf(sheets)),
+        File("description", described, board_text(pattern.given)),
+    ]
+    return Result(summary=result, sections=lambda: [_section(result)], files=files)
 
 
 def _facts(sheet: "Sheet") -> dict[str, Any]:
@@ -76,16 +86,26 @@ def _facts(sheet: "Sheet") -> dict[str, Any]:
     }
 
 
-def _tell(result: dict[str, Any]) -> None:
-    for one in result["boards"]:
-        tell(
-            f"wrote {result['file']}: '{one['name']}', {one['width_mm']:.3f} × {one['height_mm']:.3f} mm, {one['corners']} corners"
-        )
-        if one["same_after_half_turn"]:
-            info(
-                f"'{one['name']}' looks the same upside down: an image does not show which way it is turned; other counts, "
-                "markers or a larger dot do"
-            )
-    if result["described"] is not None:
-        tell(f"wrote {result['described']}: its description")
-    tell("print it at 100 %, measure a long side, and enter the length under [board.measured]")
+def _section(result: dict[str, Any]) -> Section:
+    return Section(
+        "Boards",
+        Facts(
+            *(
+                (
+                    "board",
+                    f"'{one['name']}', {one['width_mm']:.3f} × {one['height_mm']:.3f} mm, {one['corners']} corners",
+                )
+                for one in result["boards"]
+            ),
+            *(
+                (
+                    "turned",
+                    f"'{one['name']}' looks the same upside down: an image does not show which way it is turned; other counts, "
+                    "markers or a larger dot do",
+                )
+                for one in result["boards"]
+                if one["same_after_half_turn"]
+            ),
+            ("next", "print it at 100 %, measure a long side, and enter the length under [board.measured]"),
+        ),
+    )

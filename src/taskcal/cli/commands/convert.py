@@ -2,45 +2,38 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import taskcal
-from taskcal.cli.command import argument, option
+from taskcal.cli.command import argument, output_option
 from taskcal.cli.options.campaign import TableOptions
-from taskcal.cli.options.common import OutputOptions, RobotOption
+from taskcal.cli.options.common import RobotOption
 from taskcal.cli.output import info
-
-if TYPE_CHECKING:
-    from taskcal.cli.output import Outputs
+from taskcal.cli.run import File, OutputOptions, Result
 
 
 def command(
     *,
     file: Path = argument(..., "FILE", "Joints, points or both: text in columns, a workbook (.xlsx), or a log."),
     robot: RobotOption,
-    output: Path = option(..., "OUT.csv", "Output CSV, or Parquet if it ends in .parquet.", also="-o"),
+    output: Path = output_option(..., "OUT.csv", "Output CSV, or Parquet if it ends in .parquet."),
     table: TableOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Convert a file of measurements to plain CSV or Parquet.
 
     One row per pose, units in the column names, shots of one pose averaged. Every inference and every column left out is reported
     in a line. With --images and --board the corners of the images are found, and written with the joints of their rows.
     """
-    inputs = [file, table.points, table.images, table.board, table.camera, robot]
-    outputs = out.begin("convert", [("--output", output)], inputs)
     from taskcal.reading.reader import campaign_of, read_measurements
     from taskcal.reading.writer import as_parquet, campaign_text, readings_text
 
     of = taskcal.load_robot(robot)
     if table.read_options.images is not None:
-        _convert_images(file, of, output, table, out, outputs)
-        return
+        return _convert_images(file, of, output, table)
     readings = read_measurements(file, of, table.read_options)
     whole = readings.q is not None and readings.points and readings.stations is None
     whole = whole and (not readings.rotations or len(readings.points) == 1)
     text = campaign_text(campaign_of(readings, of), of) if whole else readings_text(readings, of)
-    outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
     for note in readings.notes:
         info(note)
     result = {
@@ -52,12 +45,12 @@ def command(
         "notes": list(readings.notes),
     }
     holding = " and ".join(filter(None, ["joints" if result["joints"] else "", ", ".join(readings.points)]))
-    out.give(result, lambda: info(f"{output}: {len(readings)} poses with {holding or 'nothing'}"))
+    said = f": {len(readings)} poses with {holding or 'nothing'}"
+    content = as_parquet(text) if output.suffix.lower() == ".parquet" else text
+    return Result(summary=result, files=[File("measurements", output, content, said)])
 
 
-def _convert_images(
-    file: Path, robot: "taskcal.Robot", output: Path, table: TableOptions, out: OutputOptions, outputs: "Outputs"
-) -> None:
+def _convert_images(file: Path, robot: "taskcal.Robot", output: Path, table: TableOptions) -> Result:
     """Write a campaign of images that is read without them: each corner with the joints of its row.
 
     Raises:
@@ -67,12 +60,11 @@ def _convert_images(
     from taskcal.reading.detection import corners_of
     from taskcal.reading.writer import as_parquet, pictured_text
 
-    assert table.images is not None
+    assert isinstance(table.images, Path)
     assert table.board is not None
     corners = corners_of(table.images, read_boards(table.board))
     campaign = taskcal.read_campaign(file, robot, options=replace(table.read_options, images=corners, judged=False))
     text = pictured_text(campaign, corners, robot)
-    outputs.write({output: as_parquet(text) if output.suffix.lower() == ".parquet" else text})
     for note in campaign.notes:
         info(note)
     images = int(campaign.valid.any(axis=1).sum())
@@ -85,9 +77,6 @@ def _convert_images(
         "targets": list(campaign.targets),
         "notes": list(campaign.notes),
     }
-    out.give(
-        result,
-        lambda: info(
-            f"{output}: {images} {rows} with joints and corners, of {sum(len(one.images) for one in corners)}{of}"
-        ),
-    )
+    said = f": {images} {rows} with joints and corners, of {sum(len(one.images) for one in corners)}{of}"
+    content = as_parquet(text) if output.suffix.lower() == ".parquet" else text
+    return Result(summary=result, files=[File("measurements", output, content, said)])

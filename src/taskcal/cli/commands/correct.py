@@ -1,39 +1,36 @@
 """``taskcal correct``: a robot program and a calibration in, a corrected program out."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 import taskcal
-from robot_programs.core.files import is_backup
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import (
     UnsealedOption,
-    above_zero,
     look_at,
     look_at_calibration,
-    metres,
     read_calibration,
 )
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, keep_note, read_note, show, show_facts, tell
-from taskcal.cli.progress import bar_over
+from taskcal.cli.output import info, keep_note, read_note
+from taskcal.cli.run import File, Result, Run
+from taskcal.correction.options import Bounds
 from taskcal.errors import FileError
+from taskcal_groundwork.files import is_backup
 
 if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
     from robot_programs.core.source import Source
-    from taskcal.correction.verdict import Verdict
+    from taskcal.report.content import Section
+    from taskcal.report.page import Page
 
 
 STEPS = 8
 """Of the bar: reading, those that `taskcal.correct` names, and the verdict."""
-
-MAX_SHOWN_TARGETS = 12
-"""Targets of the table."""
 
 MAX_LISTED = 1000
 """Entries of a list of the JSON result, as of the page's table: of 100 000 motions all would be 53 MB."""
@@ -53,6 +50,7 @@ class DestinationOptions:
         "File to write, or folder, where the files keep their names. A file of another language (.mod, .src, .csv) becomes a "
         "new program.",
         also="-o",
+        writes="later",
     )
     dry_run: bool = option(False, help="Show the table without writing a program.")
     accept_uncertain: bool = option(
@@ -80,68 +78,56 @@ class DestinationOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class CellOptions:
-    """Measured tools, parts and axes of the cell.
+    """Measured tools, parts and axes of the cell, and its controller.
 
     Raises:
-        typer.BadParameter: a name of the cell file, without the file.
+        typer.BadParameter: a name of the cell file, without the file; or two controllers.
     """
 
     cell: Path | None = option(
         None, "CELL.toml", "Measured frames of tools and parts; by default those of the controller."
     )
     tool: str | None = option(
-        None, "NAME", "Tool of the cell file, for URScript, APT and CSV, where the program names none."
+        None,
+        "NAME",
+        "Tool of the cell file, for URScript, APT and CSV, where the program names none, or TP, where one number is unknown.",
     )
     part: str | None = option(
-        None, "NAME", "Part of the cell file, for URScript, APT and CSV, where the program names none."
+        None,
+        "NAME",
+        "Part of the cell file, for URScript, APT and CSV, where the program names none, or TP, where one number is unknown.",
     )
 
     missing: Path | None = option(
         None,
         "CELL.toml",
         "Cell file to write, with the tools, parts and data that no file of the program declares, to be filled in.",
+        writes="new",
+    )
+    controller_kinematics: Path | None = option(
+        None,
+        "FILE",
+        "With these kinematics the controller computes: calibration.conf of a UR's, or a program saved on it (.urp).",
+        callback=look_at,
+    )
+    nominal_controller: bool = option(
+        False,
+        help="The controller computes with the dimensions of the calibration's robot file (URScript requires either).",
     )
 
     def __post_init__(self) -> None:
+        if self.nominal_controller and self.controller_kinematics is not None:
+            raise typer.BadParameter(
+                "--controller-kinematics states other dimensions; keep one of them", param_hint="--nominal-controller"
+            )
         for name, given in ((self.tool, "--tool"), (self.part, "--part")):
             if name is not None and self.cell is None:
                 raise typer.BadParameter(f"{given} requires --cell, which has '{name}'", param_hint=given)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BoundsOptions:
-    """Limits of the correction."""
-
-    tolerance_mm: float | None = option(
-        None,
-        "MM",
-        "Maximum deviation from lines and arcs; by default 0.02, or a fifth of the uncertainty if larger, up to all of it if "
-        "the program would grow by more than half.",
-        show_default=False,
-        callback=above_zero,
-    )
-    max_shift_mm: float = option(
-        5.0, "MM", "Maximum shift of a target; larger corrections are rejected.", callback=above_zero
-    )
-    max_turn_deg: float = option(
-        1.0, "DEG", "Maximum rotation of a target; larger corrections are rejected.", callback=above_zero
-    )
-    max_joint_deg: float = option(5.0, "DEG", "Maximum joint change at a target.", callback=above_zero)
-
-    def bounds(self) -> "taskcal.Bounds":
-        """Bounds in metres and radians."""
-        from math import radians
-
-        return taskcal.Bounds(
-            tolerance=metres(self.tolerance_mm),
-            shift=self.max_shift_mm * 1e-3,
-            turn=radians(self.max_turn_deg),
-            joint=radians(self.max_joint_deg),
-        )
-
-
 def command(
     *,
+    run: Run,
     programs: list[Path] = argument(
         ...,
         "PROGRAM [MORE …]",
@@ -153,7 +139,7 @@ def command(
     unsealed: UnsealedOption = False,
     destination: DestinationOptions,
     around: CellOptions,
-    limits: BoundsOptions,
+    limits: Bounds,
     task: Path | None = option(
         None, "TASK.toml", "Judge the expected error against the tolerance of this task.", also="-t", callback=look_at
     ),
@@ -167,98 +153,140 @@ def command(
         False, help=f"List every target, rejection and remark with --json, not only {MAX_LISTED} of each."
     ),
     page: PageOptions,
-) -> None:
+) -> Result:
     """Correct a robot program with the calibrated model.
 
     Every target becomes the pose at which the nominal controller drives the joints that the calibrated robot needs; lines and
     arcs get more targets where they need them. All other bytes of the files stay.
 
-    Rejected targets stay unchanged. They are listed by file and line with the reason, and make the exit status 1. If every
-    motion is rejected, nothing is written. Motions that the text does not determine, such as to computed targets, stay
-    unchanged and are listed.
+    Rejected targets stay unchanged, and so do motions that the text does not determine, such as to computed targets. They are
+    listed by file and line with the reason, and make the exit status 1. If every motion is rejected, nothing is written.
 
-    If the uncertainty exceeds the correction, nothing is written without --accept-uncertain; the message states what to
-    measure.
+    If the uncertainty exceeds the correction, nothing is written without --accept-uncertain, which holds for this run and is named
+    in the verdict; the message states what to measure.
+
+    The controller is taken to compute with the lengths of the calibration's robot file, unless --controller-kinematics names
+    others. If the calibration puts that file in doubt, a warning says so.
     """
-    named = [("--output", path) for path in destination.files(programs)]
-    outputs = page.begin("correct", named, [calibration, around.cell, *programs])
+    run.free("--output", *destination.files(programs))
     from robot_programs.backup import check_place
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     described = None if task is None else taskcal.load_task(task)
-    with bar_over(["reading the program"], STEPS) as begin:
-        cell, program = _read(programs, around, calibrated)
-        if not again:
-            check_not_corrected(program.sources)
-        if program.backup is not None and destination.output is not None and not destination.dry_run:
-            check_place(program.backup, destination.output)
-        correction = taskcal.correct(
-            calibrated,
-            program,
-            cell=cell,
-            bounds=limits.bounds(),
-            into=_new_program(programs[0], destination.output),
-            keep_joints=keep_joints,
-            helper=helper,
-            accept_uncertain=destination.accept_uncertain or destination.dry_run,
-            progress=begin,
-        )
-        begin("the verdict")
-        from taskcal.correction.verdict import judge
-        from taskcal.report.correction import correction_page, state_uncertain
+    begin = run.bar(["reading the program"], STEPS)
+    into = _new_program(programs[0], destination.output)
+    cell, controller, program = _read(programs, around, calibrated, into, run)
+    if not again:
+        check_not_corrected(program.sources)
+    if program.backup is not None and destination.output is not None and not destination.dry_run:
+        check_place(program.backup, destination.output)
+    correction = taskcal.correct(
+        calibrated,
+        program,
+        cell=cell,
+        bounds=limits,
+        into=into,
+        keep_joints=keep_joints,
+        helper=helper,
+        controller=controller,
+        accept_uncertain=destination.accept_uncertain or destination.dry_run,
+        progress=begin,
+    )
+    begin("the verdict")
+    from taskcal.correction.verdict import judge
 
-        verdict = judge(calibrated, described, correction, cell)
+    accepted = destination.accept_uncertain
+    verdict = judge(calibrated, described, correction, cell, accept_uncertain=accepted).summary()
     withheld, out = destination.withholds(correction), destination.output
     contents, lay = ({}, None) if out is None or destination.dry_run or withheld else correction.parts(out)
-    made = page.write(outputs, contents, lambda: correction_page(correction, calibrated, verdict), lay)
-    written = tuple(contents) if lay is None or out is None else (out,)
-    if written:
+    files = [File("program", path, content) for path, content in contents.items()]
+    if lay is not None:
+        files.insert(0, File("program", out, lay))
+    if files:
         remember_corrected(correction, program.sources)
-    result = _result(correction, verdict, written, page, None if all_rows else MAX_LISTED)
-    page.give(result, lambda: _show(correction, verdict, written, page.in_words(made)))
+    result = _result(correction, verdict, [one.path for one in files], page, None if all_rows else MAX_LISTED)
     left = [f"{count} more {name}" for name, count in result["not_listed"].items() if count]
     if page.as_json and left:
         info(f"not listed: {', '.join(left)}; --all-rows lists all")
-    not_written = "error: not written: " if withheld else ""
-    if correction.uncertain:
-        info(f"{not_written}{state_uncertain(correction)}")
-        if withheld:
-            info("--accept-uncertain writes the program all the same")
-    if withheld and correction.why_unwritten:
-        info(f"{not_written}{correction.why_unwritten}")
-    if withheld or correction.rejected or any(diagnostic.rejected for diagnostic in correction.diagnostics):
-        raise typer.Exit(1)
+
+    def sections() -> "Sequence[Section]":
+        from taskcal.report.correction import MAX_SHOWN_TARGETS, correction_sections, doubts_section
+        from taskcal.report.verdict import verdict_section
+
+        told = {**result, **correction.told(targets=MAX_SHOWN_TARGETS)}
+        changes = correction_sections(told, calibrated.model.robot, program.backup)
+        return [*doubts_section(result), verdict_section(verdict), *changes]
+
+    def make() -> "Page":
+        from taskcal.report.correction import correction_page, error_sections
+
+        return correction_page(correction, calibrated, [*sections(), *error_sections(correction, calibrated)])
+
+    return Result(
+        summary=result, sections=sections, files=files, page=make, failed=_failure(correction, withheld=withheld)
+    )
+
+
+def _failure(correction: "taskcal.Correction", *, withheld: bool) -> bool | str:
+    """Why nothing is written; or whether something was rejected."""
+    if not withheld:
+        return bool(correction.rejected) or any(one.rejected or one.unread for one in correction.diagnostics)
+    from taskcal.report.correction import state_uncertain
+
+    accept = "; --accept-uncertain writes the program all the same"
+    reasons = [
+        f"{state_uncertain(correction.summary())}{accept}" if correction.uncertain else "",
+        correction.why_unwritten,
+    ]
+    return f"not written: {'; '.join(filter(None, reasons))}"
 
 
 def _read(
-    programs: list[Path], around: CellOptions, calibration: "taskcal.Calibration"
-) -> "tuple[taskcal.Cell, Program]":
+    programs: list[Path], around: CellOptions, calibration: "taskcal.Calibration", into: Path | None, run: Run
+) -> "tuple[taskcal.Cell, taskcal.Robot | None, Program]":
+    """The cell, the robot as its controller computes with it where that is another than the calibration's, and the program.
+
+    Raises:
+        TaskcalError: one of them is not as it should be, or the controller's kinematics have to be stated.
+    """
+    from robot_programs.languages import language_of
     from robot_programs.reading import read_program
     from taskcal.correction.cell import given_frames
+    from taskcal.correction.controller import ask_for_controller, read_controller
+    from taskcal.errors import TaskcalError
 
     cell = taskcal.Cell() if around.cell is None else taskcal.load_cell(around.cell)
+    robot, named = calibration.model.robot, around.controller_kinematics
+    if around.nominal_controller:
+        if cell.controller == "calibrated":
+            raise TaskcalError(
+                "the cell file states a calibrated controller: leave --nominal-controller out, or correct the file"
+            )
+        cell = replace(cell, controller="nominal")
+    controller = None if named is None else read_controller(named, robot)
     tool, part = _frame(cell, around.tool, "tool"), _frame(cell, around.part, "part")
     tools, parts = given_frames(cell)
     program = read_program(
-        *programs, robot=calibration.model.robot, tool=tool, part=part, tools=tools, parts=parts, data=cell.data
+        *programs, robot=controller or robot, tool=tool, part=part, tools=tools, parts=parts, data=cell.data
     )
-    _say_missing(program, around)
-    return cell, program
+    _say_missing(program, around, run)
+    if asked := ask_for_controller(language_of(into or program.sources[0].path), robot, cell, controller):
+        raise TaskcalError(f"{program.sources[0].path}: {asked}")
+    return cell, controller, program
 
 
 MAX_SHOWN_SECTIONS = 4
 """Of a cell file to fill in; more are written to a file."""
 
 
-def _say_missing(program: "Program", around: CellOptions) -> None:
+def _say_missing(program: "Program", around: CellOptions, run: Run) -> None:
     """Name tools, parts and data that no file declares, and show or write the cell file that states them.
 
     Raises:
-        FileError: the file exists, or cannot be written.
+        FileError: the file cannot be written.
     """
     from robot_programs.core.program import missing_from
     from taskcal.correction.cell import cell_to_fill_in
-    from taskcal.io.files import write_whole
 
     missing = missing_from(program.diagnostics)
     stated = [one for one in missing if one.kind != "other"]
@@ -272,10 +300,8 @@ def _say_missing(program: "Program", around: CellOptions) -> None:
     if others:
         info(f"declared in none of the files, and not for a cell file: {', '.join(others)}")
     if around.missing is not None and stated:
-        if around.missing.exists():
-            raise FileError(around.missing, "exists; name a new file for what is to be stated")
         own = "" if around.cell is None else around.cell.read_text(encoding="utf-8").rstrip() + "\n\n"
-        write_whole(around.missing, own + cell_to_fill_in(stated))
+        run.write({around.missing: own + cell_to_fill_in(stated)})
         info(f"to be filled in: {around.missing}")
 
 
@@ -313,20 +339,13 @@ def _frame(cell: "taskcal.Cell", name: str | None, kind: str) -> "Frame | None":
 
 
 def _result(
-    correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], page: PageOptions, most: int | None
+    correction: "taskcal.Correction",
+    verdict: Mapping[str, Any],
+    written: Sequence[Path | None],
+    page: PageOptions,
+    most: int | None,
 ) -> dict[str, Any]:
-    program = correction.program
-    lists = {
-        "targets": correction.targets(most),
-        "refused": [
-            {"file": program.motions[i].place.path, "line": program.motions[i].place.line, "reason": reason}
-            for i, reason in sorted(correction.rejected.items())[:most]
-        ],
-        "remarks": [
-            {"file": diagnostic.place.path, "line": diagnostic.place.line, "text": diagnostic.text}
-            for diagnostic in correction.diagnostics[:most]
-        ],
-    }
+    program, told = correction.program, correction.told(most)
     counts = {
         "targets": len(program.motions), "refused": len(correction.rejected), "remarks": len(correction.diagnostics),
     }  # fmt: skip
@@ -335,39 +354,10 @@ def _result(
         "skipped_files": 0 if program.backup is None else program.backup.skipped,
         "written": list(written),
         "report": page.report,
-        "verdict": verdict.summary(),
-        **correction.summary(),
-        **lists,
-        "not_listed": {name: counts[name] - len(lists[name]) for name in lists},
+        "verdict": verdict,
+        **told,
+        "not_listed": {name: count - len(told[name]) for name, count in counts.items()},
     }
-
-
-def _show(correction: "taskcal.Correction", verdict: "Verdict", written: tuple[Path, ...], pages: str) -> None:
-    from taskcal.report import correction as tables
-    from taskcal.report.verdict import next_step, tabulate_verdict
-
-    judged = tabulate_verdict(verdict)
-    show(judged)
-    tell(f"{judged.note}\n")
-    if len(correction.before.error):
-        targets = tables.tabulate_targets(correction, MAX_SHOWN_TARGETS)
-        show(targets)
-        tell(f"{targets.note}\n")
-    show_facts([*tables.state_expected(correction), *tables.tabulate_correction(correction)])
-    backup = correction.program.backup
-    if backup is not None:
-        info(f"{backup.path}: {len(correction.program.sources)} files of the program, {backup.skipped} others")
-    motions = correction.program.motions
-    problems = [(motions[i].place, f"unchanged: {why}") for i, why in sorted(correction.rejected.items())]
-    problems += [(diagnostic.place, diagnostic.text) for diagnostic in correction.diagnostics]
-    for problem in tables.group_remarks(problems):
-        info(problem)
-    for path in written:
-        info(f"written: {path}")
-    if pages:
-        info(f"written: {pages}")
-    tell()
-    show_facts([("next", next_step(verdict))])
 
 
 # Programs that ``taskcal correct`` wrote: known again by their bytes, wherever they lie, so that none is corrected

@@ -8,12 +8,13 @@ import typer
 
 import taskcal
 from taskcal.cli.command import option
-from taskcal.cli.options.common import OutputOptions, SeedOption
-from taskcal.cli.output import Outputs, say, show, started_as, tell, write_json
+from taskcal.cli.output import say, show, started_as, tell, write_json
 from taskcal.cli.progress import bar_over
+from taskcal.cli.run import OutputOptions, Run
+from taskcal_groundwork.options import Seed
 
 if TYPE_CHECKING:
-    from taskcal.demo.procedure import Procedure
+    from taskcal_demo.procedure import Procedure
 
 HELD_OUT = 400
 
@@ -26,14 +27,17 @@ ROBOTS = "robots"
 
 def command(
     *,
-    output: Path = option(Path("taskcal-demo"), "FOLDER", "Folder of the results; made if absent.", also="-o"),
-    count: int = option(60, also="-n", help="Measured poses of each campaign.", min=10),
-    seed: SeedOption = 0,
+    run: Run,
+    output: Path = option(
+        Path("taskcal-demo"), "FOLDER", "Folder of the results; made if absent.", also="-o", writes="later"
+    ),
+    count: int = option(60, also="-n", help="Measured poses of each campaign.", low=10),
+    seed: Seed = 0,
     full: bool = option(
         False,
         help="Continue to a corrected milling program: measure, identify and correct simulated robots (half a minute each).",
     ),
-    robots: int = option(20, "N", "Virtual robots of the closed loop, with --full.", min=1),
+    robots: int = option(20, "N", "Virtual robots of the closed loop, with --full.", low=1),
     unkind: bool = option(
         False,
         help="With --full, repeat the closed loop with two truths that keep less to what is assumed; takes three times as long.",
@@ -51,9 +55,9 @@ def command(
     With --unkind the same robots run twice more, with axes that wobble as no effect describes, and with everything twice as
     large; the page compares what was stated of each with what was true.
     """
-    from taskcal.demo.closed_loop_report import closed_loop_files
-    from taskcal.demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
     from taskcal.errors import FileError
+    from taskcal_demo.closed_loop_report import closed_loop_files
+    from taskcal_demo.procedure_report import procedure_contents, procedure_files, procedure_json, procedure_page
 
     if unkind and not full:
         raise typer.BadParameter("repeats the closed loop; add --full", param_hint="--unkind")
@@ -64,7 +68,7 @@ def command(
         raise FileError(output, message) from error
     files = {"page": output / "report.html", **procedure_files(output)}
     paths = [*files.values(), *(closed_loop_files(output).values() if full else ())]
-    outputs = out.begin("demo", [("--output", path) for path in paths])
+    run.free("--output", *paths)
     with bar_over(["starting"], 5 + FITS) as begin:
         model = taskcal.ErrorModel(taskcal.load_robot(taskcal.demo.ROBOT))
         procedure = taskcal.demo.run_procedure(model, count=count, seed=seed, held_out=HELD_OUT, progress=begin)
@@ -74,7 +78,7 @@ def command(
             "page": procedure_page(procedure, next_steps=commands).html(),
             **procedure_contents(procedure),
         }
-        outputs.write({files[name]: content for name, content in contents.items()})
+        run.write({files[name]: content for name, content in contents.items()})
     if not out.as_json:
         _show(procedure)
         tell(f"The page with all tables and figures: {files['page']}")
@@ -82,7 +86,7 @@ def command(
     closed: dict[str, Any] = {}
     if full:
         more, closed = _close_the_loop(
-            model.robot, range(seed, seed + robots), output, outputs, quiet=out.as_json, unkind=unkind
+            model.robot, range(seed, seed + robots), output, run, quiet=out.as_json, unkind=unkind
         )
         files |= more
     if out.as_json:
@@ -90,11 +94,11 @@ def command(
 
 
 def _close_the_loop(
-    robot: "taskcal.Robot", seeds: range, folder: Path, outputs: Outputs, *, quiet: bool, unkind: bool
+    robot: "taskcal.Robot", seeds: range, folder: Path, run: Run, *, quiet: bool, unkind: bool
 ) -> tuple[dict[str, Path], dict[str, Any]]:
     """Run simulated robots, write the results, and print them unless they are printed as JSON."""
-    from taskcal.demo.closed_loop_report import ASSUMED, closed_loop_contents, closed_loop_files, tabulate_unkind
-    from taskcal.demo.true_robot import UNKIND
+    from taskcal_demo.closed_loop_report import ASSUMED, closed_loop_contents, closed_loop_files, tabulate_unkind
+    from taskcal_demo.true_robot import UNKIND
 
     files = closed_loop_files(folder)
     command = (
@@ -110,12 +114,12 @@ def _close_the_loop(
         }
         runs = cases.pop(ASSUMED)
         contents = closed_loop_contents(loop, runs, unkind=cases, next_steps=command)
-        outputs.write({files[name]: content for name, content in contents.items()})
+        run.write({files[name]: content for name, content in contents.items()})
     if not quiet:
         tell()
         show(replace(taskcal.demo.tabulate_closed_loop(runs), note=""))
         if cases:
-            show(tabulate_unkind({ASSUMED: runs, **cases}), note=True)
+            show(tabulate_unkind({ASSUMED: runs, **cases}))
         tell(f"The page of the closed loop: {files['page of the closed loop']}")
         print(f"\nContinue with:\n{command}")
     told = {name.replace(" ", "_"): taskcal.demo.summarise_runs(some) for name, some in cases.items()}
@@ -126,7 +130,7 @@ def _close_the_loop(
 
 
 def _next_steps(folder: Path, files: dict[str, Path]) -> str:
-    from taskcal.demo.procedure import SEVERAL
+    from taskcal_demo.procedure import SEVERAL
 
     one, several = files[f"campaign {taskcal.demo.ONE}"], files[f"campaign {SEVERAL}"]
     program = started_as()
@@ -143,7 +147,7 @@ def _next_steps(folder: Path, files: dict[str, Path]) -> str:
 
 
 def _show(procedure: "Procedure") -> None:
-    from taskcal.demo.procedure_report import overview, summary_points
+    from taskcal_demo.procedure_report import overview, summary_points
 
     robot = procedure.model.robot
     say(f"The published procedure on a simulated {robot.title or robot.name}")
@@ -151,7 +155,7 @@ def _show(procedure: "Procedure") -> None:
     say(f"{explanation[0].upper()}{explanation[1:]}.")
     tell()
     for table in overview(procedure):
-        show(table, note=True)
+        show(table)
     say("Summary")
     for point in summary_points(procedure):
         say(f"- {point}")

@@ -1,8 +1,9 @@
 """``taskcal doctor``: the diagnosis of a campaign, or a check of the installation."""
 
+import math
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -13,11 +14,12 @@ import typer
 import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.campaign import TableOptions
-from taskcal.cli.options.common import OutputOptions
-from taskcal.cli.output import info, show, tell
+from taskcal.cli.output import info
 from taskcal.cli.progress import bar_by_parts
-from taskcal.errors import OpenFrameError, TaskcalError, UnitError
-from taskcal.report.content import Column, Table, millimetres
+from taskcal.cli.run import File, OutputOptions, Result
+from taskcal.errors import OpenFrameError, TaskcalError, UnitError, listed
+from taskcal.report.content import Column, Facts, Section, Table, millimetres
+from taskcal_groundwork.options import options_of
 
 
 def command(
@@ -26,45 +28,65 @@ def command(
         None, "[CAMPAIGN.csv…]", "Measurements to diagnose; of several files each is a station of the tracker."
     ),
     robot: str | None = option(None, "ROBOT", "The campaign's robot: catalogue name, or file.", also="-r"),
-    fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed."),
+    fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed.", writes="new"),
     reading: TableOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Diagnose a campaign, or (without arguments) check the installation.
 
     Tests the usual mistakes, one by one and in pairs, on held-out rows: units, signs, zeros, couplings, the order of joints and
     rows, frames, poses, targets that slipped, a tracker that moved, drift, gross errors, the robot.
     """
     if not campaign:
-        for name, given in (("--robot", robot), ("--fix", fix)):
-            if given is not None:
+        stated = [(f"--{one.name}", getattr(reading, one.field) != one.default) for one in options_of(type(reading))]
+        for name, given in (("--robot", robot is not None), ("--fix", fix is not None), *stated):
+            if given:
                 raise typer.BadParameter("give the campaign as well: taskcal doctor CAMPAIGN.csv", param_hint=name)
-        _check_installation(out)
-        return
+        return _installation()
     if robot is None:
         raise typer.BadParameter("--robot is required with a campaign", param_hint="--robot")
-    inputs = [*campaign, robot, reading.points, reading.distances, reading.images, reading.board]
-    outputs = out.begin("doctor", [("--fix", fix)], inputs)
     from taskcal.reading.writer import campaign_text
 
     found = diagnose_file(campaign, taskcal.load_robot(robot), reading.read_options)
+    for note in found.campaign.notes:
+        info(f"{found.campaign.source}: {note}")
     if found.scope:
         info(f"{', '.join(path.name for path in campaign)}: {found.scope}")
-    if fix is not None and len(found.findings) > len(found.unmended):
-        outputs.write({fix: campaign_text(found.campaign, found.robot)})
-    elif fix is not None:
-        info(f"{fix} is not written: no finding can be fixed in a file")
-    out.give(
-        {"findings": [finding.as_json() for finding in found.findings]},
-        lambda: _show(found, " ".join(map(str, campaign))),
+    if fix is not None:
+        for line in _fixed(found, fix):
+            info(line)
+    return Result(
+        summary={"findings": [finding.as_json() for finding in found.findings]},
+        sections=lambda: [_section(found, " ".join(map(str, campaign)))],
+        files=[File("fixed", fix, campaign_text(found.campaign, found.robot))] if fix and found.mends else (),
     )
 
 
 MAX_SUBJECTS = 6
 
 
+def _fixed(found: "taskcal.diagnosis.Diagnosis", fix: Path) -> Iterator[str]:
+    """What ``--fix`` did, a line for each finding, and what that does to rows held out."""
+    from taskcal.diagnosis.hypotheses import MISTAKES
+
+    for finding in found.findings:
+        named = f"{finding.id}{' of ' if finding.subject else ''}{_subjects(finding.subject)}"
+        if finding in found.mends:
+            robot = MISTAKES[finding.id].part == "robot"
+            yield f"applied: {named}{', the file is for that robot' if robot else ''}"
+        elif finding.alternative:
+            yield f"not applied: {named}, which explains the campaign in place of the others"
+        else:
+            yield f"not applied: {named}, which no change of the file mends"
+    if not found.mends:
+        yield f"{fix} is not written: {'no finding can be fixed in a file' if found.findings else 'no mistake found'}"
+    elif found.held_out is not None:
+        before, after = (f"{one * 1e3:.3f}" if math.isfinite(one) else "–" for one in found.held_out)
+        yield f"error of rows held out, the geometry free within its tolerances: {before} mm as given, {after} mm fixed"
+
+
 def _subjects(subject: Sequence[str]) -> str:
-    return ", ".join(subject[:MAX_SUBJECTS]) + (", …" if len(subject) > MAX_SUBJECTS else "")
+    return listed(subject, MAX_SUBJECTS)
 
 
 FINDINGS = (
@@ -78,13 +100,13 @@ MAX_USEFUL_RATIO = 0.99
 """Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
 
-def _show(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> None:
-    if not diagnosis.findings:
-        tell(f"{campaign}: no mistake found")
-        return
-    show(Table.of("", FINDINGS, diagnosis.findings))
-    for finding in diagnosis.findings:
-        tell(f"{finding.id}: {finding.fix}")
+def _section(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> Section:
+    return Section(
+        "Diagnosis",
+        None if diagnosis.findings else f"{campaign}: no mistake found",
+        Table.of("", FINDINGS, diagnosis.findings),
+        Facts(*((finding.id, finding.fix) for finding in diagnosis.findings)),
+    )
 
 
 def diagnose_file(
@@ -97,7 +119,7 @@ def diagnose_file(
     """
     from taskcal.diagnosis.hypotheses import open_limits
 
-    options = replace(options or taskcal.reading.ReadOptions(), judged=False)
+    options = replace(options or taskcal.reading.ReadOptions(), judged=False, counted_by=robot)
     campaign = taskcal.read_campaign(path, open_limits(robot), options=options)
     with bar_by_parts("testing the usual mistakes") as progress:
         return taskcal.diagnose(campaign, robot, progress=progress)
@@ -124,7 +146,7 @@ def with_first_finding(
     before, after = first.error_before * 1e3, None if first.error_after is None else first.error_after * 1e3
     if after is not None and after > MAX_USEFUL_RATIO * before:
         return message
-    subject = f" of {', '.join(first.subject[:MAX_SUBJECTS])}" if first.subject else ""
+    subject = f" of {_subjects(first.subject)}" if first.subject else ""
     change = f"{before:.1f}" if after is None else f"{before:.1f} → {after:.1f}"
     return f"{message}\nhint: {first.id}{subject} (error {change} mm, confidence {first.confidence:.0%}): {first.fix}"
 
@@ -132,7 +154,7 @@ def with_first_finding(
 # The installation.
 
 
-def _check_installation(out: OutputOptions) -> None:
+def _installation() -> Result:
     checks = [{"name": name, **_check(look)} for name, look in _LOOKS.items()]
     healthy = all(check["ok"] for check in checks)
     columns = (
@@ -140,9 +162,12 @@ def _check_installation(out: OutputOptions) -> None:
         Column("", lambda check: "ok" if check["ok"] else "BROKEN"),
         Column("found", "found"),
     )
-    out.give({"ok": healthy, "checks": checks}, lambda: show(Table.of("", columns, checks)))
-    if not healthy:
-        raise typer.Exit(1)
+    table = Table.of("", columns, checks)
+    return Result(
+        summary={"ok": healthy, "checks": checks},
+        sections=lambda: [Section("Installation", table)],
+        failed=not healthy,
+    )
 
 
 def _check(look: Callable[[], str]) -> dict[str, bool | str]:

@@ -12,15 +12,15 @@ from taskcal.cli.options.common import (
     REACHING,
     CalibrationArgument,
     CountOption,
-    OutputOptions,
-    SeedOption,
     UnsealedOption,
     read_and_reach,
     read_calibration,
 )
-from taskcal.cli.output import files_of_task, info, plain, show, show_facts, tell, with_edits
+from taskcal.cli.output import info, plain, with_edits
 from taskcal.cli.progress import bar_over
-from taskcal.report.content import Column, Table
+from taskcal.cli.run import File, OutputOptions, Result, Run
+from taskcal.report.content import Column, Facts, Section, Table
+from taskcal_groundwork.options import Seed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,6 +32,7 @@ OFFSETS = "offsets"
 
 def command(
     *,
+    run: Run,
     calibration: CalibrationArgument,
     unsealed: UnsealedOption = False,
     form: str = option(
@@ -48,6 +49,7 @@ def command(
         "FILE|FOLDER",
         "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with; a folder with --samples.",
         also="-o",
+        writes="later",
     ),
     camera: str | None = option(None, "NAME", "The camera to write, of a calibration from images of several."),
     meshes: str | None = option(
@@ -57,19 +59,19 @@ def command(
         None,
         "N",
         "Draw this many robots from the posterior, for urdf, mjcf, sdf and usd, with a table of parameters.",
-        min=1,
+        low=1,
     ),
     task: Path | None = option(
         None, "TASK.toml", "Fit offsets and measure losses over this task; by default over the joint ranges.", also="-t"
     ),
     count: CountOption = 200,
-    seed: SeedOption = 0,
+    seed: Seed = 0,
     accept_loss: bool = option(False, help="Write the file even if its form cannot hold the whole calibration."),
     accept_uncertain: bool = option(
         False, help="Write the file even if the uncertainty over its poses exceeds three times the robot's tolerances."
     ),
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Export a calibrated robot, or fit the offsets of a controller."""
     form, exporter = form.lower(), None if form.lower() == OFFSETS else _exporter(form.lower())
     if output is None and exporter is not None:
@@ -86,8 +88,7 @@ def command(
         raise typer.BadParameter(
             f"'{output}' is a file, and {form} is a folder of several; name a folder", param_hint="--output"
         )
-    named = [] if several else [("--output", output)]
-    outputs = out.begin("export", named, [calibration, *files_of_task(task)])
+    run.free("--output", None if several else output)
 
     calibrated = read_calibration(calibration, unsealed=unsealed)
     name, reached = calibrated.model.robot.name, None
@@ -98,9 +99,12 @@ def command(
         q, weights = _poses(reached)
         offsets = taskcal.export.fit_offsets(calibrated, q, weights, accept_uncertain=accept_uncertain)
         result: dict[str, Any] = {"robot": name, "form": form, **offsets.summary()}
-        outputs.write({output: json.dumps(plain(with_edits(result)), indent=1, allow_nan=False) + "\n"})
-        out.give(result, lambda: _show_offsets(name, offsets, task))
-        return
+        text = json.dumps(plain(with_edits(result)), indent=1, allow_nan=False) + "\n"
+        return Result(
+            summary=result,
+            sections=lambda: [_offsets_section(name, offsets, task)],
+            files=[File("offsets", output, text)],
+        )
     q = _poses(reached)[0]
     if exporter.camera is None and not accept_uncertain:
         _check_known(calibrated, form, q)
@@ -115,13 +119,18 @@ def command(
         seed=seed,
         accept_loss=accept_loss,
     )
-    outputs.write({output / name: text for name, text in export.files.items()} if several else {output: export.text})
     for remark in export.remarks:
         info(remark)
     if export.loss.reasons:
         info(f"lost by the form: {export.loss.rms * 1e3:.3f} mm (3D rms), {', '.join(export.loss.reasons)}")
-    result = {"robot": name, "form": form, "file": output, **export.summary()}
-    out.give(result, lambda: _show(export, f"wrote {output}: {name} as {form}"))
+    files = [File(form, output, export.text, f": {name}")]
+    if several:
+        files = [File("", output / file, text) for file, text in export.files.items()]
+    return Result(
+        summary={"robot": name, "form": form, "file": output, **export.summary()},
+        sections=lambda: [_section(export, (form, f"wrote {output}: {name}") if several else None)],
+        files=files,
+    )
 
 
 def _export(
@@ -178,36 +187,43 @@ def _poses(reached: "taskcal.task.TaskPoses | None") -> "tuple[np.ndarray | None
     return (None, None) if reached is None else (reached.q, reached.weights)
 
 
-def _show(export: "taskcal.export.Export", written: str) -> None:
+def _section(export: "taskcal.export.Export", folder: tuple[str, str] | None) -> Section:
+    """Frames of an export, and the folder of its files, where it is one."""
     from taskcal.export.forms import describe_place
 
-    tell(written)
-    for name, T in export.frames.items():
-        tell(f"{name}: {describe_place(T)}")
+    return Section("Export", Facts(*((name, describe_place(T)) for name, T in export.frames.items()), folder))
 
 
-def _show_offsets(robot: str, offsets: "taskcal.export.ControllerOffsets", task: Path | None) -> None:
+SETTINGS = {
+    "tool and base": "tool_and_base",
+    "joint zeros, tool and base": "zeros_tool_and_base",
+    "whole model, programs corrected": "program_correction",
+}
+
+REMAINING = (
+    Column("set in the controller", "label"),
+    Column("remaining rms mm", "left_rms_mm", ".3f"),
+    Column("remaining max mm", "left_max_mm", ".3f"),
+    Column("rms with uncertainty mm", "expected_rms_mm", ".3f"),
+)
+
+
+def _offsets_section(robot: str, offsets: "taskcal.export.ControllerOffsets", task: Path | None) -> Section:
     from taskcal.export.forms import describe_place
 
-    result = offsets.summary()
-    facts = [
-        (name.rpartition("_")[0], f"{value:+.5f} {name.rpartition('_')[2]}")
-        for name, value in result["joint_offsets"].items()
-    ]
-    facts += [("tool in the flange", describe_place(offsets.tool_in_flange)), ("base", describe_place(offsets.base))]
-    tell(f"{robot}: offsets for its controller; add each joint's offset to its reading")
-    show_facts(facts)
-    settings = {
-        "tool and base": "tool_and_base",
-        "joint zeros, tool and base": "zeros_tool_and_base",
-        "whole model, programs corrected": "program_correction",
-    }
-    columns = (
-        Column("set in the controller", "label"),
-        Column("remaining rms mm", "left_rms_mm", ".3f"),
-        Column("remaining max mm", "left_max_mm", ".3f"),
-        Column("rms with uncertainty mm", "expected_rms_mm", ".3f"),
+    result, over = offsets.summary(), "the joint ranges" if task is None else str(task)
+    joints = ((name.rpartition("_"), value) for name, value in result["joint_offsets"].items())
+    return Section(
+        "Offsets",
+        f"{robot}: offsets for its controller; add each joint's offset to its reading",
+        Facts(
+            *((name, f"{value:+.5f} {unit}") for (name, _, unit), value in joints),
+            ("tool in the flange", describe_place(offsets.tool_in_flange)),
+            ("base", describe_place(offsets.base)),
+        ),
+        Table.of(
+            f"3D error of the TCP over {over} ({offsets.poses} poses)",
+            REMAINING,
+            [{"label": label, **result[key]} for label, key in SETTINGS.items()],
+        ),
     )
-    over = "the joint ranges" if task is None else str(task)
-    title = f"3D error of the TCP over {over} ({offsets.poses} poses)"
-    show(Table.of(title, columns, [{"label": label, **result[key]} for label, key in settings.items()]))

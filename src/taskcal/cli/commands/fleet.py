@@ -1,18 +1,21 @@
 """``taskcal fleet``: many robots in one table."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import typer
 
 import taskcal
-from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import EngineOptions, OutputOptions, UnsealedOption, above_zero
-from taskcal.cli.output import count_as_written, info, show, show_facts, tell
+from taskcal.cli.command import argument, option, output_option
+from taskcal.cli.options.common import EngineOptions, UnsealedOption
+from taskcal.cli.output import info
 from taskcal.cli.progress import bar_by_parts
+from taskcal.cli.run import File, OutputOptions, Result, count_as_written
 from taskcal.tables.frame import csv_of
+
+if TYPE_CHECKING:
+    import taskcal.report.fleet
 
 MAX_NAMED = 20
 """Files that are named on standard error."""
@@ -30,7 +33,7 @@ class IdentifyOptions:
         False, help="Identify campaigns without a calibration: march.csv gives march.json beside it."
     )
     robot: str | None = option(None, "ROBOT", "With --identify: the nominal robot of these campaigns.", also="-r")
-    folds: int = option(5, "K", "With --identify: parts held out in turn, and predicted.", min=2)
+    folds: int = option(5, "K", "With --identify: parts held out in turn, and predicted.", low=2)
 
     def __post_init__(self) -> None:
         if self.identify and self.robot is None:
@@ -50,19 +53,19 @@ def command(
     accuracy_mm: float | None = option(
         None,
         "MM",
-        "Required accuracy: exit status 1 if a robot's latest held-out error exceeds it.",
-        callback=above_zero,
+        "Required accuracy, 3D rms: exit status 1 if a robot's latest held-out error exceeds it.",
+        low=0.0,
+        ends=False,
     ),
-    output: Path | None = option(None, "TABLE.csv", "Output CSV: a row per calibration.", also="-o"),
+    output: Path | None = output_option(None, "FLEET.csv", "Output CSV: a row per calibration."),
     unsealed: UnsealedOption = False,
     running: EngineOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Monitor a fleet: latest calibrations, changes and outliers.
 
     Unreadable files are listed and left out; the exit status is 1 then.
     """
-    outputs = out.begin("fleet", [("--output", output)], [robots])
     refused = _identify(robots, identifying, running) if identifying.identify else []
 
     with bar_by_parts("robots") as bar:
@@ -73,8 +76,6 @@ def command(
             unsealed=unsealed,
             progress=lambda done, total: bar("robots", done, max(total, 1)),
         )
-    if output is not None:
-        outputs.write({output: csv_of(fleet.calibrations)})
     beyond = [] if accuracy_mm is None else list(fleet.beyond(accuracy_mm * 1e-3))
     left_out = [*refused, *fleet.skipped]
     _tell_of(fleet, left_out)
@@ -84,9 +85,12 @@ def command(
         "beyond": beyond,
         **({} if output is None else {"rows": output}),
     }
-    out.give(result, lambda: _show(fleet, result))
-    if left_out or beyond:
-        raise typer.Exit(1)
+    return Result(
+        summary=result,
+        sections=lambda: [taskcal.report.fleet.fleet_section(fleet, accuracy_mm, beyond)],
+        files=[File("table", output, csv_of(fleet.calibrations))],
+        failed=bool(left_out or beyond),
+    )
 
 
 def _identify(folder: Path, options: IdentifyOptions, running: EngineOptions) -> list[tuple[str, str]]:
@@ -128,25 +132,3 @@ def _tell_of(fleet: "taskcal.planning.Fleet", left_out: list[tuple[str, str]]) -
         info(f"{len(fleet.others)} files are neither calibration nor campaign, such as {fleet.others[0]}")
     for remark in fleet.remarks:
         info(remark)
-
-
-def _show(fleet: "taskcal.planning.Fleet", result: Mapping[str, Any]) -> None:
-    from taskcal.report import fleet as tables
-
-    table = tables.tabulate_fleet(fleet)
-    show(table, spare=tables.SPARE)
-    changes, outliers = tables.tabulate_fleet_changes(fleet), tables.tabulate_outliers_of_fleet(fleet)
-    for one in (changes, outliers):
-        if len(one):
-            show(one)
-    facts = [("fleet", f"{len(fleet.robots)} robots, {len(fleet.calibrations)} calibrations")]
-    if not len(changes):
-        facts.append(("changed", "none" if fleet.changes else "no robot has two calibrations"))
-    facts.append(("alarms", tables.describe_level(fleet)))
-    if result["accuracy_mm"] is not None:
-        beyond = ", ".join(result["beyond"][:MAX_NAMED]) or "none"
-        facts.append((f"above {result['accuracy_mm']:g} mm", f"latest held-out mean error: {beyond}"))
-    if "rows" in result:
-        facts.append(("table", f"wrote {result['rows']}"))
-    show_facts(facts)
-    tell()

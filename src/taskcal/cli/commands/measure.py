@@ -6,21 +6,26 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import taskcal
 from taskcal.cli.command import option
-from taskcal.cli.options.common import JsonOption, RobotOption, SeedOption, TaskOption, above_zero, look_at, metres
+from taskcal.cli.options.common import RobotOption, TaskOption, look_at
 from taskcal.cli.options.observing import ObservingOptions, describe_fixtures
-from taskcal.cli.output import check_outputs, files_of_task, info, plain, say, show_facts, tell
+from taskcal.cli.output import info, plain, say, show_facts, tell
+from taskcal.cli.run import JsonOption
+from taskcal.errors import listed
+from taskcal.live.options import Driving, RowOptions
+from taskcal_groundwork.options import Seed
+from taskcal_groundwork.said import Said
 
 if TYPE_CHECKING:
-    from taskcal.live.devices import Controller, Said
+    from taskcal.live.devices import Controller
     from taskcal.live.program import Program
     from taskcal.live.runner import Answer, Event, Left, Outcome, Question, Runner
     from taskcal.live.steering import Aim, State, Steering
@@ -29,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeviceOptions:
+class DeviceOptions(Driving):
     """What is read, and how it is reached."""
 
     controller: str = option(
@@ -45,7 +50,7 @@ class DeviceOptions:
         "'NAME …'",
         "Columns of the instrument's lines, such as 'x_mm y_mm z_mm', where no header states them; - skips one.",
     )
-    timeout_s: float = option(5.0, "S", "Limit of each answer of a device.", min=0.1, max=600.0)
+    timeout_s: float = option(5.0, "S", "Limit of each answer of a device.", low=0.1, high=600.0)
     program: Path | None = option(
         None,
         "PLAN.csv",
@@ -55,7 +60,6 @@ class DeviceOptions:
     drive: bool = option(
         False, help="Move the robot, the first time at a tenth of the speed; without it the controller is only read."
     )
-    speed_percent: float = option(10.0, "P", "With --drive: share of the joints' largest speeds.", min=0.1, max=100.0)
 
     @contextmanager
     def opened(self, robot: "taskcal.Robot", observed: "Instrument") -> "Generator[tuple[Controller, Any]]":
@@ -108,11 +112,6 @@ class LengthOptions:
         callback=look_at,
     )
 
-    @property
-    def files(self) -> list[Path | None]:
-        """Files that are read."""
-        return [self.distances, self.board, self.camera]
-
     def read_options(self, observed: "Instrument") -> "ReadOptions":
         """Stated options, as the reader takes them.
 
@@ -127,19 +126,6 @@ class LengthOptions:
         return replace(stated, board=self.board, lens=observed.looked_for.lens.model)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RowOptions:
-    """When a row counts, and how many are measured."""
-
-    shots: int | None = option(
-        None, "N", "Shots of a row, averaged; 3, or 1 where a person makes each.", min=1, max=1000
-    )
-    settle_s: float = option(1.0, "S", "Time for which the robot stands before it is measured.", min=0.05, max=60.0)
-    max_scatter_mm: float = option(0.1, "MM", "Scatter of the shots above which they are taken again.", min=1e-6)
-    most: int = option(100, "N", "Rows at most.", min=1, max=100_000)
-    effects: Literal["auto", "none"] = option("auto", help="Estimate non-geometric effects, too, or geometry alone.")
-
-
 def command(
     *,
     robot: RobotOption,
@@ -148,12 +134,13 @@ def command(
     observing: ObservingOptions,
     lengths: LengthOptions,
     output: Path = option(
-        ..., "CAMPAIGN.csv", "The campaign; calibration and report are written beside it.", also="-o"
+        ...,
+        "CAMPAIGN.csv",
+        "The campaign; calibration and report are written beside it.",
+        also="-o",
+        writes="updated",
     ),
     resume: bool = option(False, help="Go on with the campaign that is there."),
-    accuracy_mm: float | None = option(
-        None, "MM", "Tolerance to be proven, 3D rms over the task; the task's by default.", callback=above_zero
-    ),
     station: Path | None = option(
         None,
         "STATION.toml",
@@ -161,7 +148,7 @@ def command(
         callback=look_at,
     ),
     rows: RowOptions,
-    seed: SeedOption = 0,
+    seed: Seed = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Measure live: choose each pose by what was measured so far, until the tolerance is proven.
@@ -174,17 +161,14 @@ def command(
     """
     beside = {".calibration.json": "calibration", ".report.html": "report"}
     files = {name: output.with_suffix(suffix) for suffix, name in beside.items()}
-    inputs = [robot, station, devices.program, *lengths.files, *observing.files, *files_of_task(task)]
-    check_outputs("measure", [("--output", output)], inputs, updated=["--output"])
     if (watched := devices.instrument_address) is not None:
         _check_apart(output, Path(watched))
     _check_observed(devices, observing, lengths, rows)
-    from taskcal.live.devices import Said
     from taskcal.live.journal import Journal
     from taskcal.live.program import Program
     from taskcal.live.steering import Steering
 
-    aim = _observed(_aim(robot, task, station, accuracy_mm, rows, seed), observing, lengths)
+    aim = _observed(_aim(robot, task, station, rows, seed), observing, lengths)
     program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
     target = "tool" if aim.station is None else aim.station.reflectors[0].name
     options = lengths.read_options(aim.instrument)
@@ -197,7 +181,7 @@ def command(
                 most=aim.most,
             )
         )
-    with devices.opened(aim.model.robot, aim.instrument) as (controller, instrument):
+    with closing(journal), devices.opened(aim.model.robot, aim.instrument) as (controller, instrument):
         if resume:
             journal.resume(aim.settings)
             instrument.knows([row.image for row in journal.rows if row.image])
@@ -316,13 +300,13 @@ def rows_taker(
 
     kind = kind or Point
     shots = rows.shots or (3 if instrument.streams and not kind.pictured else 1)
-    rules = Rules(settle_s=rows.settle_s, max_scatter_m=rows.max_scatter_mm * 1e-3, shots=shots)
+    rules = Rules(settle_s=rows.settle, max_scatter_m=rows.max_scatter, shots=shots)
     if kind.touched:
         rules = replace(rules, arrived=SEATED_WITHIN)
     return Taker(controller=controller, instrument=instrument, rules=rules, stopped=stopped, kind=kind.key)
 
 
-def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None, rows: RowOptions, seed: int) -> "Aim":
+def _aim(robot: str, task: Path, station: Path | None, rows: RowOptions, seed: int) -> "Aim":
     """What is to be proven.
 
     Raises:
@@ -339,7 +323,7 @@ def _aim(robot: str, task: Path, station: Path | None, accuracy_mm: float | None
         model=model,
         task=described,
         station=stood,
-        tolerance=metres(accuracy_mm) or described.accuracy,
+        tolerance=rows.accuracy or described.accuracy,
         most=rows.most,
         seed=seed,
         effects=rows.effects == "auto",
@@ -414,7 +398,6 @@ class _Terminal:
 
     def ask(self, question: "Question") -> "Answer":
         """The answer to a question; where nobody is there to give one, it is to stop."""
-        from taskcal.live.devices import Said
         from taskcal.live.runner import MEANINGS
 
         answers = question.answers
@@ -436,7 +419,7 @@ class _Terminal:
         Raises:
             DeviceError: the input has ended.
         """
-        from taskcal.live.devices import DeviceError, Said
+        from taskcal.live.devices import DeviceError
 
         said = text.parts if isinstance(text, Said) else None
         line = self._line(f"{text} ", {"question": text, "answers": None, "said": said})
@@ -462,7 +445,7 @@ MAX_NAMED = 5
 
 def _left_in_words(left: "Left") -> str:
     """What a program still has to visit."""
-    named = ", ".join(left.ids[:MAX_NAMED]) + (" …" if len(left.ids) > MAX_NAMED else "")
+    named = listed(left.ids, MAX_NAMED)
     text = f"left of the program: {len(left.ids)} poses, {named}"
     if left.next_error is not None and left.all is not None:
         text = f"left of the program: {len(left.ids)} poses, those first that bring most: {named}; "
@@ -558,20 +541,16 @@ def _finish(steering: "Steering", outcome: "Outcome", files: Mapping[str, Path])
     from taskcal.correction.verdict import judge
     from taskcal.io.files import write_all
     from taskcal.planning.task_map import uncertainty_over
-    from taskcal.report.calibration import calibration_page
+    from taskcal.report.calibration import calibration_page, calibration_sections
+    from taskcal.report.verdict import verdict_section
 
     result: dict[str, Any] = {"ended": outcome.reason, "rows": outcome.state.rows, "proven": outcome.state.proven}
     if outcome.state.budget is None:
         return {**result, "calibration": None, "report": None}
     task, calibration = steering.aim.task, steering.calibration()
-    page = calibration_page(
-        calibration,
-        judged=judge(calibration, task),
-        over=uncertainty_over(calibration, task),
-        space=task.workspace,
-        remainder=None,
-        rungs=(),
-    )
+    judged, over = judge(calibration, task).summary(), uncertainty_over(calibration, task)
+    sections = calibration_sections(calibration, judged=judged, over=over, space=task.workspace)
+    page = calibration_page(calibration, [verdict_section(judged), *sections])
     calibration.save(files["calibration"])
     write_all({files["report"]: page.html()})
     return {**result, **{name: str(path) for name, path in files.items()}}

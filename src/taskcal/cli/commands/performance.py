@@ -9,9 +9,11 @@ import typer
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import split_names
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import info, show
+from taskcal.cli.output import info
+from taskcal.cli.run import Result
 
 if TYPE_CHECKING:
+    from taskcal.report.content import Section
     from taskcal.report.page import Page
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
@@ -23,35 +25,28 @@ def command(
     measured: Path = argument(..., "MEASURED.csv", "Measured cycles, with their commands."),
     path: bool = option(False, help="The rows are passes along a path: 'section' in place of 'pose'."),
     commanded: Path | None = option(
-        None, "PATH.csv", "Separate file with the commanded path; passes may be sampled anywhere.", named="--command"
+        None, "PATH.csv", "Separate file with the commanded path; passes may be sampled anywhere.", named="command"
     ),
     distance: list[str] | None = option(
         None, "POSE,POSE", "Two poses whose distance is evaluated; repeatable; by default consecutive ones."
     ),
     page: PageOptions,
-) -> None:
+) -> Result:
     """Evaluate accuracy and repeatability of poses or paths (ISO 9283)."""
-    outputs = page.begin("performance", [], [measured, commanded])
     if path or commanded is not None:
         if distance:
             raise typer.BadParameter("a path has no poses with distances; leave one out", param_hint="--distance")
-        result, make = _of_path(measured, commanded)
-        tables = {"Path": [result]}
+        title, result, sections = "Performance along a path", *_of_path(measured, commanded)
     else:
-        result, make = _of_poses(measured, None if distance is None else [_pair(text) for text in distance])
-        tables = {
-            "Poses": result["poses"],
-            "Directions of approach": result["directions"],
-            "Distances": result["distances"],
-        }
-    files = page.write(outputs, {}, make)
-    if files:
-        info(f"wrote {page.in_words(files)}")
-    from taskcal.report.performance import tabulate_results
+        pairs = None if distance is None else [_pair(text) for text in distance]
+        title, result, sections = "Performance of poses", *_of_poses(measured, pairs)
 
-    page.give(
-        result, lambda: [show(tabulate_results(f"{name} of {measured}", rows)) for name, rows in tables.items() if rows]
-    )
+    def make() -> "Page":
+        from taskcal.report.performance import performance_page
+
+        return performance_page(title, sections(), str(measured))
+
+    return Result(summary=result, sections=sections, page=make)
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -61,13 +56,11 @@ def _pair(text: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], Callable[[], Page]]":
+def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], Callable[[], list[Section]]]":
     from taskcal.campaigns.performance import assess_path, read_path_cycles
     from taskcal.errors import CampaignError, FileError
 
     cycles = read_path_cycles(measured, commanded)
-    from taskcal.report.performance import path_performance_page  # after the file was read: figures take a while
-
     try:
         performance = assess_path(
             cycles.commanded,
@@ -82,22 +75,34 @@ def _of_path(measured: Path, commanded: Path | None) -> "tuple[dict[str, Any], C
     if left_out:
         info(f"{len(left_out)} of {len(cycles.sections)} sections are not crossed by every pass and left out")
     result = {**performance.summary(), "left_out": left_out}
-    return result, lambda: path_performance_page(performance, str(measured))
+
+    def sections() -> "list[Section]":
+        from taskcal.report.performance import path_sections
+
+        return path_sections(performance)
+
+    return result, sections
 
 
-def _of_poses(measured: Path, pairs: Sequence[tuple[str, str]] | None) -> "tuple[dict[str, Any], Callable[[], Page]]":
+def _of_poses(
+    measured: Path, pairs: Sequence[tuple[str, str]] | None
+) -> "tuple[dict[str, Any], Callable[[], list[Section]]]":
     from taskcal.campaigns.performance import assess_cycles, read_pose_cycles
     from taskcal.errors import CampaignError, FileError
 
     cycles = read_pose_cycles(measured)
-    from taskcal.report.performance import pose_performance_page  # after the file was read: figures take a while
-
     try:
         performance = assess_cycles(cycles, pairs)
     except CampaignError as error:
         raise FileError(measured, str(error)) from error
     _ask_for_cycles("a pose", min(pose.cycles for pose in performance.poses.values()), POSE_CYCLES)
-    return performance.summary(), lambda: pose_performance_page(performance, str(measured))
+
+    def sections() -> "list[Section]":
+        from taskcal.report.performance import pose_sections
+
+        return pose_sections(performance)
+
+    return performance.summary(), sections
 
 
 def _ask_for_cycles(what: str, cycles: int, wanted: int) -> None:

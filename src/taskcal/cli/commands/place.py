@@ -1,29 +1,35 @@
 """``taskcal place``: where to put the part, by the expected error there."""
 
-import re
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import taskcal
-from taskcal.cli.command import argument, option
+from taskcal.cli.command import argument, option, output_option
 from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, info, show, show_facts, tell
-from taskcal.cli.progress import bar_over
+from taskcal.cli.run import File, Result, Run
+from taskcal.correction.options import PlacementOptions
 from taskcal.tables.frame import csv_of
+from taskcal.tables.table import number_of
 
-_NUMBER = r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*"
+if TYPE_CHECKING:
+    import taskcal.report.placement
+
+
+BEST = 8
+"""Placements among the best of the JSON result, which has all of them too."""
 
 
 def _range(text: str, option: str, unit: str) -> tuple[float, float]:
     """Two numbers with a colon between them, or one."""
-    if not re.fullmatch(f"{_NUMBER}(?::{_NUMBER})?", text):
+    numbers = [number_of(part.strip()) for part in text.split(":")]
+    if len(numbers) > 2 or not all(map(math.isfinite, numbers)):
         raise typer.BadParameter(f"'{text}' is not a range; write for example -200:200, in {unit}", param_hint=option)
-    low, _, high = text.partition(":")
-    return float(low), float(high or low)
+    return numbers[0], numbers[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,10 +40,10 @@ class RegionOptions:
         ..., "X:X,Y:Y,Z:Z", "Range of shifts of the part in the base frame, mm: -300:300,-200:200,0:100."
     )
     turn_deg: str = option(
-        "0", "DEG:DEG", "Range of rotations about the vertical through the middle of the targets.", named="--turn"
+        "0", "DEG:DEG", "Range of rotations about the vertical through the middle of the targets.", named="turn"
     )
-    steps: int = option(5, "N", "Placements along each axis with a range.", min=1)
-    turns: int = option(3, "N", "Rotations, where there is a range.", min=1)
+    steps: int = option(5, "N", "Placements along each axis with a range.", low=1)
+    turns: int = option(3, "N", "Rotations, where there is a range.", low=1)
 
     def grid(self) -> "taskcal.correction.Region":
         """In metres and radians.
@@ -61,31 +67,22 @@ class RegionOptions:
 
 def command(
     *,
+    run: Run,
     what: list[Path] = argument(..., "PROGRAM|TASK.toml [MORE …]", "The files of a program, or a task."),
     of: RobotOptions,
     where: RegionOptions,
     cell: Path | None = option(None, "CELL.toml", "Measured frames of the program's tools and parts."),
-    touched_off: bool = option(
-        False, help="The part is touched off in place: an error common to all targets is removed."
-    ),
-    force_n: str | None = option(None, "X,Y,Z", "Process force on the tool, newtons, in the base frame."),
-    accept_uncertain: bool = option(
-        False, help="Rank placements even where the uncertainty exceeds three times the robot's tolerances."
-    ),
-    output: Path | None = option(None, "MAP.csv", "Output CSV: all placements.", also="-o"),
+    choice: PlacementOptions,
+    output: Path | None = output_option(None, "MAP.csv", "Output CSV: all placements."),
     page: PageOptions,
-) -> None:
+) -> Result:
     """Compare placements of a part by the expected error.
 
     For every placement: the expected error before and after the correction, the deflection under a process force, whether every
     motion can be executed, and the distance of the joints from their limits and from singularities. Placements of which the
     calibration knows less than the robot's tolerances do are not ranked without --accept-uncertain.
     """
-    force = _force(force_n)
     is_task = len(what) == 1 and what[0].suffix.lower() == ".toml"
-    files = files_of_task(what[0]) if is_task else what
-    outputs = page.begin("place", [("--output", output)], [*files, of.calibration, cell])
-
     region = where.grid()
     model, calibration = of.load()
     from robot_programs.reading import read_program
@@ -98,68 +95,39 @@ def command(
         if is_task
         else read_program(*what, robot=model.robot, tools=tools, parts=parts, data=described.data)
     )
-    with bar_over(["placements"], len(region.grid())) as begin:
-        found = taskcal.correction.place(
-            calibration or model.robot,
-            target,
-            region,
-            cell=described,
-            force=force,
-            touched_off=touched_off,
-            accept_uncertain=accept_uncertain,
-            progress=lambda done, of: begin("placements"),
-        )
-    from taskcal.report.placement import SHOWN, placement_page
-
-    calibrated, name = calibration is not None, model.robot.title or model.robot.name
-    table = {} if output is None else {output: _csv(found)}
-    made = page.write(outputs, table, lambda: placement_page(found, name, calibrated=calibrated))
-    written = [*table, *made]
+    begin = run.bar(["placements"], len(region.grid()))
+    found = taskcal.correction.place(
+        calibration or model.robot,
+        target,
+        region,
+        cell=described,
+        progress=lambda done, of: begin("placements"),
+        options=choice,
+    )
+    calibrated = calibration is not None
     result: dict[str, Any] = {
         "name": found.name,
         "written": output,
+        "tolerance_mm": None if found.tolerance is None else found.tolerance * 1e3,
         "now": found.now.summary(),
         "recommended": None if found.recommended is None else found.recommended.summary(),
-        "best": [placed.summary() for placed in found.ranked[:SHOWN]],
+        "best": [placed.summary() for placed in found.ranked[:BEST]],
         "placements": [placed.summary() for placed in found.all],
     }
-    page.give(result, lambda: _show(found, calibrated=calibrated))
-    if written and not page.as_json:
-        info(f"written: {page.in_words(written)}")
-    if not found.ranked:
-        raise typer.Exit(1)
-
-
-def _force(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    if not re.fullmatch(",".join([_NUMBER] * 3), text):
-        raise typer.BadParameter(f"'{text}' is not a force; write for example 0,0,-150", param_hint="--force-n")
-    x, y, z = map(float, text.split(","))
-    return x, y, z
-
-
-def _csv(found: "taskcal.correction.PartPlacements") -> str:
-    return csv_of(placed.summary() for placed in found.all)
-
-
-def _show(found: "taskcal.correction.PartPlacements", *, calibrated: bool) -> None:
-    from taskcal.report.placement import state_placement, state_recommendation, state_trade, tabulate_placements
-
-    show(tabulate_placements(found))
-    facts = [("present placement", state_placement(found.now))]
-    if found.ranked:
-        facts.append(("best placement", state_placement(found.ranked[0])))
-        facts.append(("to reach it", state_trade(found, found.ranked[0])))
-        facts.append(("recommended", state_recommendation(found)))
-        if found.ranked[0].outside:
-            facts.append(("measured range", f"at the best placement, {found.ranked[0].outside}"))
-    else:
-        facts.append(
-            ("feasible", next((p.obstacle for p in found.all if p.obstacle), "none: all are near singularities"))
+    failed: bool | str = not found.ranked
+    if found.unmet:
+        best = found.ranked[0].summary() if found.ranked else None
+        at = (
+            ""
+            if best is None
+            else "; the best is at {x_mm:.0f}, {y_mm:.0f}, {z_mm:.0f} mm, {turn_deg:.1f}°".format(**best)
         )
-    show_facts(facts)
-    if not calibrated:
-        tell(
-            "before: expected from the robot's tolerances, in its base frame; pass --calibration for the error after correction"
-        )
+        failed = f"no placement of {found.name} is recommended{at}: {found.unmet}"
+    robot = model.robot.title or model.robot.name
+    return Result(
+        summary=result,
+        sections=lambda: taskcal.report.placement.placement_sections(found, calibrated=calibrated),
+        files=[File("map", output, csv_of(placed.summary() for placed in found.all))],
+        page=lambda: taskcal.report.placement.placement_page(found, robot, calibrated=calibrated),
+        failed=failed,
+    )

@@ -1,40 +1,34 @@
 """``taskcal plan``: the poses to measure."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import Told, option, output_option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import (
-    TARGET_WITHIN_MM,
-    ModelErrorOption,
-    ModelOptions,
-    SeedOption,
-    TargetWithinOption,
-    TaskOption,
-    check_one_model_error,
-    metres,
-)
-from taskcal.cli.options.observing import ObservingOptions, describe_fixtures, tell_how_to_measure
+from taskcal.cli.options.common import ModelOptions, TaskOption
+from taskcal.cli.options.observing import ObservingOptions, describe_fixtures
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, show, show_facts
-from taskcal.cli.progress import bar_over
+from taskcal.cli.run import File, Result, Run
+from taskcal.planning.options import PlannedPoses, PlanOptions
+from taskcal_groundwork.options import Written
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import numpy as np
 
+    import taskcal.report.plan
     from robot_programs.core.program import Motion
     from robot_programs.core.source import Source
     from taskcal.live.program import Program
     from taskcal.observations import Instrument
-    from taskcal.report.page import Page
+    from taskcal.report.content import Section
 
 
 # Measuring programs that ``taskcal plan`` writes beside the plan.
@@ -62,16 +56,17 @@ class MeasuringOptions:
         None,
         "MEASURE.mod",
         "Write a robot program that stops in every pose: RAPID .mod, KRL .src, TP .ls, URScript .script or .csv; repeatable.",
+        writes="later",
     )
-    wait_s: float = option(3.0, "S", "Waiting time in each pose.", min=0.0, max=600.0)
+    wait_s: float = option(3.0, "S", "Waiting time in each pose.", low=0.0, high=600.0)
     wait_input: str = option(
         "",
         "INPUT",
         "Wait in each pose for a digital input in place of a time, until it has gone off and on: its name in RAPID, its number in "
         "KRL, TP and URScript.",
     )
-    speed_mm_s: float = option(250.0, "MM/S", "TCP speed, in RAPID.", min=0.1, max=10_000.0)
-    speed_percent: float = option(10.0, "P", "Joint speed override, in KRL, TP and URScript.", min=0.1, max=100.0)
+    speed_mm_s: float = option(250.0, "MM/S", "TCP speed, in RAPID.", low=0.1, high=10_000.0)
+    speed_percent: float = option(10.0, "P", "Joint speed override, in KRL, TP and URScript.", low=0.1, high=100.0)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -178,34 +173,6 @@ class ExtendedOptions(MeasuredOptions):
     of_others = ("distances", "wire_scale", "board", "camera")
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlanOptions:
-    """Selection of the poses."""
-
-    count: int = option(60, "N", "Poses to measure.", also="-n", min=1)
-    seed: SeedOption = 0
-    station: Path | None = option(
-        None,
-        "STATION.toml",
-        "Tracker, reflectors and obstacles; by default one reflector at the TCP, always visible. With --observe only its "
-        "obstacles count.",
-    )
-    criterion: Literal["task", "D", "A", "E", "O1", "O2", "O3", "O4", "O5"] = option(
-        "task", help="Expected error over the task, or a classical criterion."
-    )
-    candidates: int = option(10_000, "N", "Candidate poses.", min=1)
-    stations: int = option(1, "N", "Places that the tracker is moved to, as many poses at each.", min=1)
-    kept_out: int | None = option(
-        None,
-        "N",
-        "Poses of the task that chance chooses, beside the others, to judge by; and every tenth is the first one again. For "
-        "taskcal measure --program, which needs 6 or more to prove a tolerance.",
-        min=1,
-    )
-    model_error_mm: ModelErrorOption = None
-    target_within_mm: TargetWithinOption = TARGET_WITHIN_MM
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Setting:
     """Inputs of a plan, read."""
@@ -228,15 +195,17 @@ class Setting:
 
 def command(
     *,
+    run: Run,
     task: TaskOption,
-    output: Path = option(..., "PLAN.csv", "Output CSV: planned joint values.", also="-o"),
+    output: Path = output_option(..., "PLAN.csv", "Output CSV: planned joint values."),
     of: ModelOptions,
-    choice: PlanOptions,
+    poses: PlannedPoses,
+    choice: Annotated[Written[PlanOptions], Told(("campaign", "calibration", "observe"))],
     programs: MeasuringOptions,
     observing: ObservingOptions,
     measured: ExtendedOptions,
     page: PageOptions,
-) -> None:
+) -> Result:
     """Plan measurement poses that minimise the expected task error.
 
     The poses are reachable, free of collisions with the robot and obstacles, visible to the tracker, and listed in the order of
@@ -246,64 +215,75 @@ def command(
 
     With --calibration they reduce the uncertainty of that calibration; with --campaign they complement its poses.
     """
-    _check_sources(of, measured, choice, observing)
-    setting = _read(task, of, measured, choice, observing) if observing.fixed else None
-    numbered = programs.paths_of(None if setting is None else setting.instrument)
-    paths = tuple(path for own in numbered for path in own)
-    outputs = page.begin(
-        "plan",
-        [("--output", output), *(("--program", path) for path in paths)],
-        [of.robot, of.calibration, *files_of_task(task), choice.station, *measured.inputs, *observing.files],
+    _check_sources(of, measured, choice, observing, poses.kept_out)
+    setting = _read(task, of, measured, choice, observing)
+    run.free("--program", *(path for own in programs.paths_of(setting.instrument) for path in own))
+    programs.check(setting.model.robot)
+    begin = run.bar(["candidates"], 5)  # candidates, choice, exchange, two rounds of refinement
+    chosen = _plan(setting, choice, poses.count, measured.campaign or of.calibration, begin)
+    visits = _visits(chosen, setting, poses.kept_out, choice.seed)
+    sources = programs.compose(setting.model, chosen, visits)
+    visible, clearance = (
+        _visible(chosen, setting.station),
+        None if chosen.of is not None else _clearance(chosen, setting),
     )
-    setting = setting or _read(task, of, measured, choice, observing)
-    robot = setting.model.robot
-    programs.check(robot)
-    steps = 5 + page.asked  # candidates, choice, exchange, two rounds of refinement, page
-    with bar_over(["candidates"], steps) as begin:
-        chosen = _plan(setting, choice, measured.campaign or of.calibration, begin)
-        visits = _visits(chosen, setting, choice)
-        contents: dict[Path, str | bytes] = {output: _text(chosen, setting, visits)}
-        for source in programs.compose(setting.model, chosen, visits):
-            contents[source.path] = source.encode()
 
-        def make() -> "Page":
-            from taskcal.report.plan import plan_page
+    def sections() -> "Sequence[Section]":
+        return taskcal.report.plan.plan_sections(
+            setting.model,
+            setting.task,
+            chosen,
+            measured_before=setting.measured,
+            clearance=clearance,
+            reflectors=None if visible is None else [len(names) for names in visible],
+            stated=observing.stated is not None,
+        )
 
-            begin("page")
-            return plan_page(setting.model, setting.task, chosen, seed=choice.seed)
-
-        made = page.write(outputs, contents, make)
-    result = {"plan": output, "robot": robot.name, **chosen.summary(), **_visible(chosen, setting.station)}
+    result: dict[str, Any] = {"plan": output, "robot": setting.model.robot.name, **chosen.summary()}
+    if visible is not None:
+        result["visible"] = visible
     if choice.station is not None:
         result["station"] = choice.station
-    if chosen.of is None:
-        result["clearance_mm"] = _clearance(chosen, setting)
+    if clearance is not None:
+        result["clearance_mm"] = clearance
     result["measured_before"] = setting.measured
     if of.calibration is not None:
         result["calibration"] = of.calibration
-    if choice.kept_out:
-        result["kept_out"] = choice.kept_out
-    if paths:
-        result["programs"] = [str(path) for path in paths]
+    if poses.kept_out:
+        result["kept_out"] = poses.kept_out
+    if sources:
+        result["programs"] = [str(source.path) for source in sources]
     if chosen.of is not None and chosen.instrument.label:
         result["standing"] = describe_fixtures(chosen.instrument.fixtures)
+    text = _text(chosen, setting, visits)
+    files = [File("plan", output, text, ", in the order in which to visit the poses")]
+    counts = _counts(chosen, visits)
+    files += [File("program", one.path, one.encode(), f", {count} poses") for one, count in zip(sources, cycle(counts))]
+    return Result(
+        summary=result,
+        sections=sections,
+        files=files,
+        page=lambda: taskcal.report.plan.plan_page(setting.model, setting.task, chosen, sections(), seed=choice.seed),
+    )
 
-    def show_plan() -> None:
-        _show(result, chosen, setting, page.in_words(made), visited=len(chosen.q if visits is None else visits.q))
-        if chosen.of is not None:
-            tell_how_to_measure(chosen, robot, stated=observing.stated is not None)
 
-    page.give(result, show_plan)
+def _counts(chosen: "taskcal.Plan", visits: "Program | None") -> list[int]:
+    """Poses of a program; of one for each setup of fixtures, where there are several."""
+    import numpy as np
+
+    if chosen.of is None:
+        return [len(chosen.q if visits is None else visits.q)]
+    return np.bincount(chosen.instrument.stages[chosen.of]).tolist()
 
 
-def _visits(chosen: "taskcal.Plan", setting: Setting, choice: PlanOptions) -> "Program | None":
+def _visits(chosen: "taskcal.Plan", setting: Setting, kept_out: int | None, seed: int) -> "Program | None":
     """The poses to visit where some are kept out, these in among the others."""
     from taskcal.live.program import Program
     from taskcal.planning.plan import draw_task_poses
 
-    if not choice.kept_out:
+    if not kept_out:
         return None
-    out = draw_task_poses(setting.model, setting.task, choice.kept_out, seed=choice.seed, station=setting.station)
+    out = draw_task_poses(setting.model, setting.task, kept_out, seed=seed, station=setting.station)
     return Program.of(chosen.q, out)
 
 
@@ -320,12 +300,16 @@ def _text(chosen: "taskcal.Plan", setting: Setting, visits: "Program | None") ->
 
 
 def _check_sources(
-    of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
+    of: ModelOptions,
+    measured: ExtendedOptions,
+    choice: Written[PlanOptions],
+    observing: ObservingOptions,
+    kept_out: int | None,
 ) -> None:
-    """See that what is known of the model error comes from one place, and that a plan without a tracker begins anew.
+    """See that a plan without a tracker begins anew, and that poses are kept out of one with a tracker at one place.
 
     Raises:
-        typer.BadParameter: it comes from two, or such a plan would go on.
+        typer.BadParameter: it would go on, or they are not.
     """
     if observing.fixed and (measured.campaign or of.calibration):
         given = "--campaign" if measured.campaign else "--calibration"
@@ -334,25 +318,19 @@ def _check_sources(
         )
     if measured.campaign is None:
         observing.check(measured)
-    if choice.kept_out and (observing.fixed or choice.stations > 1):
+    if kept_out and (observing.fixed or choice.stations > 1):
         raise typer.BadParameter(
             "poses are kept out of a campaign with a tracker at one place; leave out --observe and --stations",
             param_hint="--kept-out",
         )
-    if choice.stations > 1 and (observing.fixed or measured.campaign or of.calibration):
-        raise typer.BadParameter(
-            "stations are those of a tracker and of a plan that begins anew; leave out --observe, --campaign and --calibration",
-            param_hint="--stations",
-        )
-    check_one_model_error(choice.model_error_mm, measured.campaign, of.calibration)
-    if of.calibration is not None and choice.target_within_mm != TARGET_WITHIN_MM:
-        raise typer.BadParameter("the calibration has its own; omit it", param_hint="--target-within-mm")
-    if of.calibration is not None and measured.campaign is not None:
-        raise typer.BadParameter("give --calibration or --campaign, not both", param_hint="--calibration / --campaign")
 
 
 def _read(
-    path: Path, of: ModelOptions, measured: ExtendedOptions, choice: PlanOptions, observing: ObservingOptions
+    path: Path,
+    of: ModelOptions,
+    measured: ExtendedOptions,
+    choice: Written[PlanOptions],
+    observing: ObservingOptions,
 ) -> Setting:
 
     model, calibration = of.load()
@@ -370,7 +348,7 @@ def _read(
 
 
 def _plan(
-    setting: Setting, choice: PlanOptions, source: Path | None, progress: Callable[[str], None]
+    setting: Setting, choice: Written[PlanOptions], count: int, source: Path | None, progress: Callable[[str], None]
 ) -> "taskcal.Plan":
     """The plan.
 
@@ -382,36 +360,28 @@ def _plan(
     from taskcal.planning.plan import check_demands
 
     try:
-        chosen = taskcal.plan(
-            setting.model,
-            setting.task,
-            choice.count,
-            seed=choice.seed,
+        options = choice.made(
             station=setting.station,
-            criterion=choice.criterion,
             campaign=setting.campaign,
             calibration=setting.calibration,
-            candidates=choice.candidates,
-            model_error=metres(choice.model_error_mm),
-            progress=progress,
             observe=setting.instrument,
-            stations=choice.stations,
-            target_within=choice.target_within_mm * 1e-3,
+            progress=progress,
         )
+        chosen = taskcal.plan(setting.model, setting.task, count, options)
     except CampaignError as error:
         if source is None:
             raise
         raise FileError(source, str(error)) from error
-    check_demands(chosen, choice.count)
+    check_demands(chosen, count)
     return chosen
 
 
-def _visible(chosen: "taskcal.Plan", station: "taskcal.Station | None") -> dict[str, Any]:
+def _visible(chosen: "taskcal.Plan", station: "taskcal.Station | None") -> list[list[str]] | None:
     """Names of the reflectors seen at each pose, where a station says so."""
     if station is None:
-        return {}
+        return None
     names = [reflector.name for reflector in station.reflectors]
-    return {"visible": [[name for name, seen in zip(names, row, strict=True) if seen] for row in chosen.visible]}
+    return [[name for name, seen in zip(names, row, strict=True) if seen] for row in chosen.visible]
 
 
 def _clearance(chosen: "taskcal.Plan", setting: Setting) -> dict[str, list[float] | None]:
@@ -424,57 +394,3 @@ def _clearance(chosen: "taskcal.Plan", setting: Setting) -> dict[str, list[float
     boxes = () if setting.station is None else setting.station.keep_out
     gaps = {"between_links": gap_between_links(links), "to_keep_out": gap_to_boxes(links, boxes)}
     return {name: (gap * 1e3).tolist() if np.isfinite(gap).all() else None for name, gap in gaps.items()}
-
-
-def _in_words(clearance: Mapping[str, list[float] | None], model: "taskcal.ErrorModel") -> str:
-    """The least gaps of all poses, and of what."""
-    radii = model.robot.link_radii
-    if radii is None:
-        return "not checked: the robot file states no link_radii_mm"
-    said = {"between_links": "between links", "to_keep_out": "to keep-out boxes"}
-    gaps = [f"{min(gap):.0f} mm {said[name]}" for name, gap in clearance.items() if gap]
-    return f"at least {', '.join(gaps) or '–'}; links as capsules of {min(radii) * 1e3:g} to {max(radii) * 1e3:g} mm radius"
-
-
-def _views_in_words(chosen: "taskcal.Plan") -> str:
-    """The least and the largest of each figure of the poses; empty where there are none."""
-    units = {"mm": " mm", "deg": "°"}
-    out: list[str] = []
-    for name, values in chosen.views.items():
-        what, _, unit = name.rpartition("_")
-        shown = f"{values.min():.0f} to {values.max():.0f}{units.get(unit, '')}"
-        out.append(f"{what or name} {shown}")
-    return ", ".join(out)
-
-
-def _show(result: Mapping[str, Any], chosen: "taskcal.Plan", setting: Setting, pages: str, *, visited: int) -> None:
-    import numpy as np
-
-    from taskcal.planning.plan import describe_accuracy, describe_lost
-    from taskcal.report.content import state_model_error
-    from taskcal.report.plan import tabulate_by_count, tabulate_expected_errors
-
-    show(tabulate_expected_errors(chosen, setting.task.name, measured_before=result["measured_before"]))
-    show(tabulate_by_count(chosen))
-    single = f"expected error {result['expected_with_model_error_mm']:.3f} mm (3D rms), model error included"
-    facts = [
-        ("accuracy", describe_accuracy(chosen)),
-        ("model error", state_model_error(result["model_error_mm"], result["model_error_origin"])),
-        ("single pose", single),
-        ("candidates", f"{chosen.candidates} feasible; rejected: {describe_lost(chosen) or 'none'}"),
-        ("criterion", f"{chosen.criterion}; {chosen.exchanges} exchanges after the greedy start"),
-        ("plan", f"wrote {result['plan']}, in the order in which to visit the poses"),
-    ]
-    facts[4:4] = [("images", f"{view}")] if (view := _views_in_words(chosen)) else []
-    if "visible" in result:
-        seen = [len(names) for names in result["visible"]]
-        number = f"{min(seen)} to {max(seen)}" if min(seen) < max(seen) else str(max(seen))
-        facts.insert(4, ("reflectors", f"{number} visible at each pose"))
-    if "clearance_mm" in result:
-        facts.insert(-2, ("clearance", _in_words(result["clearance_mm"], setting.model)))
-    counts = [visited] if chosen.of is None else np.bincount(chosen.instrument.stages[chosen.of])
-    programs = result.get("programs", [])
-    facts += [("program", f"wrote {path}, {counts[k % len(counts)]} poses") for k, path in enumerate(programs)]
-    if pages:
-        facts.append(("report", f"wrote {pages}"))
-    show_facts(facts)

@@ -4,11 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import taskcal
-from taskcal.cli.command import argument, option
-from taskcal.cli.options.common import OutputOptions, RobotOptions
-from taskcal.cli.output import info, show, tell
-from taskcal.errors import ReachError
-from taskcal.report.content import Column, Table
+from taskcal.cli.command import argument, option, output_option
+from taskcal.cli.options.common import RobotOptions
+from taskcal.cli.output import info
+from taskcal.cli.run import File, OutputOptions, Result
+from taskcal.errors import ReachError, listed
+from taskcal.report.content import Column, Section, Table
 from taskcal.tables.frame import csv_of
 
 if TYPE_CHECKING:
@@ -38,12 +39,11 @@ def command(
     of: RobotOptions,
     reverse: bool = option(False, help="Compute joints although the table has some: they select the configuration."),
     angles: Angles = option("quaternion", help="Form of the orientations.", case_sensitive=False),
-    output: Path | None = option(None, "OUT.csv", "Output CSV: all rows.", also="-o"),
+    output: Path | None = output_option(None, "OUT.csv", "Output CSV: all rows."),
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Compute tool poses from joint values, or joint values from tool poses."""
-    outputs = out.begin("poses", [("--output", output)], [table, of.robot, of.calibration])
-    from taskcal.reading.readings import read_joints
+    from taskcal.reading.joints import read_joints
     from taskcal.tables.forms import read_csv
     from taskcal.task.orientation import has_poses
 
@@ -59,13 +59,13 @@ def command(
         header, rows = _poses_at(columns, q, model, calibration, angles)
     if calibration is not None:
         header, rows = _with_range(calibration.measured_range, q, ids, header, rows)
-    outputs.write({output: _csv(ids, header, rows)})
     entries = [{"id": name, **dict(zip(header, row, strict=True))} for name, row in zip(ids, rows, strict=True)]
     result = {"robot": model.robot.name, "calibrated": calibration is not None, "rows": entries}
-    if output is None:
-        out.give(result, lambda: _show(model.robot.name, ids, header, rows))
-    else:
-        out.give(result, lambda: tell(f"wrote {output}: {len(rows)} rows"))
+    return Result(
+        summary=result,
+        sections=lambda: [] if output else [_section(model.robot.name, ids, header, rows)],
+        files=[File("poses", output, _csv(ids, header, rows), f": {len(rows)} rows")] if output else (),
+    )
 
 
 def _with_range(
@@ -89,7 +89,7 @@ def _csv(ids: list[str], header: list[str], rows: list[list[Any]]) -> str:
     return csv_of(named, digits=9)
 
 
-def _show(robot: str, ids: list[str], header: list[str], rows: list[list[Any]]) -> None:
+def _section(robot: str, ids: list[str], header: list[str], rows: list[list[Any]]) -> Section:
     from taskcal.identification.measured_range import describe_outside
 
     shown = [k for k in range(len(header)) if not header[k].startswith("outside_")]
@@ -103,11 +103,18 @@ def _show(robot: str, ids: list[str], header: list[str], rows: list[list[Any]]) 
             optional=True,
         ),
     )
-    show(Table.of(f"{robot}, tool in the base", columns, range(min(len(rows), MAX_SHOWN_ROWS))))
-    if len(kept) < len(shown):
-        info("nominal poses and orientations are in the file (--output) and in --json")
-    if len(rows) > MAX_SHOWN_ROWS:
-        info(f"{len(rows) - MAX_SHOWN_ROWS} more rows; write them all with --output")
+    more = len(rows) - MAX_SHOWN_ROWS
+    left_out = (
+        "Nominal poses and orientations are in the file (--output) and in --json." if len(kept) < len(shown) else "",
+        f"{more} more rows; write them all with --output." if more > 0 else "",
+    )
+    table = Table.of(
+        f"{robot}, tool in the base",
+        columns,
+        range(min(len(rows), MAX_SHOWN_ROWS)),
+        note=" ".join(filter(None, left_out)),
+    )
+    return Section("Poses", table)
 
 
 def _poses_at(
@@ -125,8 +132,9 @@ def _poses_at(
         info(f"ignored columns: {', '.join(left)}")
     outside = model.robot.outside_limits(q)
     if outside:
-        row, reason = outside[0]
-        info(f"row {row}: {reason}")
+        rows = sorted({row for row, _ in outside})
+        more = f"; outside are {_named(rows)}" if len(rows) > 1 else ""
+        info(f"row {outside[0][0]}: {outside[0][1]}{more}")
     if calibration is None:
         header, cells = _pose_cells("", model.poses(q), angles)
         return header, np.stack(cells, axis=1).tolist()
@@ -137,6 +145,15 @@ def _poses_at(
     header += [*names, "dx_mm", "dy_mm", "dz_mm", "distance_mm", "angle_mrad", "u_mm"]
     cells += [*more, *moved.T, np.linalg.norm(moved, axis=1), at.turned * 1e3, at.uncertainty * 1e3]
     return header, np.stack(cells, axis=1).tolist()
+
+
+MAX_NAMED_ROWS = 10
+"""That a message names."""
+
+
+def _named(rows: list[int]) -> str:
+    """Rows in words, all of them counted."""
+    return f"row{'s' if len(rows) > 1 else ''} {listed(rows, MAX_NAMED_ROWS)}"
 
 
 def _pose_cells(prefix: str, T: "np.ndarray", angles: Angles) -> tuple[list[str], list[Any]]:
@@ -161,7 +178,7 @@ def _joints_for(
     """Joints for poses: nominal, and with a calibration those of the calibrated robot."""
     import numpy as np
 
-    from taskcal.reading.readings import no_joint
+    from taskcal.reading.joints import no_joint
     from taskcal.task.orientation import has_poses, read_tool_poses
 
     robot = model.robot
@@ -174,8 +191,9 @@ def _joints_for(
             f"{robot.name} reaches none of the {len(T)} poses of {columns.path} inside its limits; check that they "
             "are of its tool, in its base, in millimetres"
         )
-    for row in np.flatnonzero(~joints.reached)[:3]:
-        info(f"row {row}: the pose is out of reach inside the limits; its joints are left empty")
+    if (missed := np.flatnonzero(~joints.reached)).size:
+        poses = "the pose is" if len(missed) == 1 else f"{len(missed)} poses are"
+        info(f"{_named(missed.tolist())}: {poses} out of reach inside the limits, and left empty")
     _say_turned(T, joints, model, calibration)
     scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
     units = ["mm" if slides else "deg" for slides in robot.prismatic]

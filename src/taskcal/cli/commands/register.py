@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import option, output_option
 from taskcal.cli.options.campaign import CampaignOptions
-from taskcal.cli.options.common import CampaignArgument, OutputOptions, RobotOption
-from taskcal.cli.options.fit import Method, register_by
-from taskcal.cli.output import placement, show, show_facts
-from taskcal.report.content import Column, Table
+from taskcal.cli.options.common import CampaignArgument, RobotOption
+from taskcal.cli.run import File, OutputOptions, Result
+from taskcal.geometry.se3 import placement
+from taskcal.registration.options import Method, register_by
+from taskcal.report.content import Column, Facts, Section, Table
 
 MAX_WORST = 5
 """Rows with the largest residuals that are shown."""
@@ -36,22 +37,20 @@ def command(
     campaign: CampaignArgument,
     robot: RobotOption,
     method: Method = option("poses", help="All poses, or the circles of axes that turn alone (two or more)."),
-    output: Path | None = option(None, "REG.json", "Output: the registration, for identify --registration.", also="-o"),
+    output: Path | None = output_option(None, "REG.json", "Output: the registration, for identify --registration."),
     reading: CampaignOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Register tracker frame and targets with the nominal robot.
 
     The result is the start of the fit of taskcal identify. No parameter of the robot is identified.
     """
-    outputs = out.begin("register", [("--output", output)], [campaign, robot, reading.rows])
     from taskcal.registration.registration_file import registration_text
 
     model = taskcal.ErrorModel(taskcal.load_robot(robot))
     read = reading.read(campaign, model.robot)
     registration = register_by(method, model, read.campaign)
     circles = taskcal.registration.find_circles(model, read.campaign) if method == "circles" else ()
-    outputs.write({output: registration_text(registration, model, read.campaign)})
     result = {
         "registration": output,
         "robot": model.robot.name,
@@ -60,7 +59,8 @@ def command(
         "circles": [_circle(circle, model, read.campaign) for circle in circles],
         "drift": read.drift,
     }
-    out.give(result, lambda: _show(result))
+    text = registration_text(registration, model, read.campaign)
+    return Result(summary=result, sections=lambda: [_section(result)], files=[File("registration", output, text)])
 
 
 def _frames(
@@ -106,24 +106,32 @@ def _circle(
     }
 
 
-def _show(result: Mapping[str, Any]) -> None:
-    """Print it for people."""
-    if result["circles"]:
-        show(Table.of("Circles in the tracker frame", CIRCLES, result["circles"]))
+def _section(result: Mapping[str, Any]) -> Section:
+    """Frames and residuals for people."""
     frames = [{"name": "robot base, in the tracker frame", **result["tracker_frame"]}]
     frames += [{"name": f"target {name}, in the tool frame", **target} for name, target in result["targets"].items()]
     title = f"Registration of {result['robot']} from {result['method']}, {result['rows']} rows"
-    show(Table.of(title, FRAMES, frames))
     worst = sorted(result["residuals"], key=_largest, reverse=True)[:MAX_WORST]
-    show_facts([
-        (
-            "residual, nominal (registered)",
-            f"{result['mean_mm']:.3f} mm mean, {result['rms_mm']:.3f} rms, {result['max_mm']:.3f} maximum (3D)",
+    return Section(
+        "Registration",
+        Table.of("Circles in the tracker frame", CIRCLES, result["circles"]),
+        Table.of(title, FRAMES, frames),
+        Facts(
+            (
+                "residual, nominal (registered)",
+                f"{result['mean_mm']:.3f} mm mean, {result['rms_mm']:.3f} rms, {result['max_mm']:.3f} maximum (3D)",
+            ),
+            (
+                "largest residuals",
+                ", ".join(f"row {row['row']} (id {row['id']}) {_largest(row):.3f} mm" for row in worst),
+            ),
+            *(
+                (f"target {name}", target["unlocated"])
+                for name, target in result["targets"].items()
+                if target["unlocated"]
+            ),
         ),
-        ("largest residuals", ", ".join(f"row {row['row']} (id {row['id']}) {_largest(row):.3f} mm" for row in worst)),
-        *([("registration", f"wrote {result['registration']}")] if result["registration"] else []),
-        *((f"target {name}", target["unlocated"]) for name, target in result["targets"].items() if target["unlocated"]),
-    ])  # fmt: skip
+    )
 
 
 def _largest(row: Mapping[str, Any]) -> float:

@@ -1,34 +1,33 @@
 """``taskcal report``: a calibration as a page."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import option, output_option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import CalibrationArgument, SeedOption, UnsealedOption, read_calibration
+from taskcal.cli.options.common import CalibrationArgument, UnsealedOption, look_at, read_calibration
 from taskcal.cli.options.page import PageOptions
-from taskcal.cli.output import files_of_task, info, show, show_facts, tell
-from taskcal.cli.progress import bar_over
-from taskcal.report.content import Column, Table
+from taskcal.cli.output import info
+from taskcal.cli.run import File, Result, Run
+from taskcal_groundwork.options import Seed
 
 if TYPE_CHECKING:
-    from taskcal.correction.verdict import Verdict
     from taskcal.planning.selection import Rung
     from taskcal.planning.task_map import Uncertainty
+    from taskcal.report.content import Section
+    from taskcal.report.page import Page
 
 
 OVER_TASK, DEPENDING = "uncertainty over the task", "residual analysis"
 CLIMBING = "error reduction by model stage"
-PAGE = "figures and tables"
 
-MAX_P_VALUE = 0.05
-"""Probability that chance explains as much, up to which a quantity is listed."""
-
-
-ON_CERTIFICATE = ("serial_number", "place", "date", "operator", "instrument", "temperature_C")
+ON_CERTIFICATE = ("number", "serial_number", "place", "date", "operator", "instrument", "temperature_C")
 """Fields of the head that a certificate has in any case."""
 
 
@@ -36,92 +35,154 @@ ON_CERTIFICATE = ("serial_number", "place", "date", "operator", "instrument", "t
 class ReportOptions(PageOptions):
     """The page and how the result is given."""
 
-    named = "--output"
-    report: Path | None = option(Path("report.html"), "REPORT.html", "Output: the page.", named="--output", also="-o")
+    report: Path | None = output_option(Path("report.html"), "REPORT.html", "Output: the page.", named="output")
     certificate: Path | None = option(
-        None, "CERT.html", "Output: a certificate of one page, to be signed; fields that --header leaves out are blank."
+        None,
+        "CERT.html",
+        "Output: a certificate of one page, to be signed; fields that --header leaves out are blank. As CERT.pdf it is printed by "
+        "Chromium, Chrome or Edge.",
+        writes="new",
     )
-    seed: SeedOption = 0
+    seed: Seed = 0
+
+    @property
+    def is_printed(self) -> bool:
+        """Whether the certificate is a PDF."""
+        return self.certificate is not None and self.certificate.suffix.lower() == ".pdf"
+
+    def check(self) -> None:
+        """Check what the page and the certificate need beside their files.
+
+        Raises:
+            FileError: as of the page's.
+            TaskcalError: something is to be printed, and there is no browser.
+        """
+        super().check()
+        if self.is_printed:
+            from taskcal.report.page import find_browser
+
+            find_browser()
 
 
 def command(
     *,
+    run: Run,
     calibration: CalibrationArgument,
     unsealed: UnsealedOption = False,
     task: Path | None = option(
         None, "TASK.toml", "Judge the expected error over this task; show the TCP uncertainty.", also="-t"
     ),
+    corrected: Path | None = option(
+        None,
+        "RESULT.json",
+        "Output of taskcal correct --json with the same calibration and task: its program is judged, too.",
+        callback=look_at,
+    ),
     measured: MeasuredOptions,
     out: ReportOptions,
-) -> None:
+) -> Result:
     """Write an HTML report of a calibration.
 
     The verdict, the robot in space with its errors before and after, residuals at each pose, the uncertainty of predictions, the
     parameters with their intervals and status, outliers, and provenance. With --task, the TCP uncertainty over a task; with
     --campaign, residual analysis and the error reduction by model stage.
     """
-    outputs = out.begin(
-        "report", [("--certificate", out.certificate)], [calibration, *files_of_task(task), *measured.inputs]
-    )
-
+    if corrected is not None and task is None:
+        raise typer.BadParameter(
+            "requires --task, the one for which the program was corrected", param_hint="--corrected"
+        )
     calibrated = read_calibration(calibration, unsealed=unsealed)
     described = None if task is None else taskcal.load_task(task)
-    from taskcal.correction.verdict import judge  # after the files were read: figures take a while
+    from taskcal.correction.verdict import judge  # after the files were read: it takes a while
     from taskcal.planning.task_map import uncertainty_over
-    from taskcal.report.calibration import calibration_page
-    from taskcal.report.verdict import BLANK, certificate_page, next_step, tabulate_verdict
 
     steps = [OVER_TASK] * (described is not None) + [DEPENDING, CLIMBING] * (measured.campaign is not None)
-    with bar_over([*steps, PAGE]) as begin:
-        uncertainty = verdict = None
-        if described is not None:
-            begin(OVER_TASK)
-            uncertainty = uncertainty_over(calibrated, described, out.seed)
-            verdict = judge(calibrated, described, seed=out.seed)
-        campaign = _read(calibrated, measured)
-        remainder, rungs = _examine(calibrated, measured, campaign, out.seed, begin)
-        begin(PAGE)
-        space = None if described is None else described.workspace
-        signed: dict[Path, str | bytes] = {}
-        if out.certificate is not None:
-            signed[out.certificate] = out.headed(certificate_page(calibrated, verdict), ON_CERTIFICATE, BLANK).html()
-        files = out.write(
-            outputs,
-            signed,
-            lambda: calibration_page(
-                calibrated,
-                judged=verdict,
-                over=uncertainty,
-                space=space,
-                campaign=campaign,
-                images=measured.images if measured.images is not None and measured.images.is_dir() else None,
-                remainder=remainder,
-                rungs=rungs,
-            ),
+    begin = run.bar(steps)
+    uncertainty = verdict = None
+    written: Sequence[Path] = ()
+    if described is not None:
+        begin(OVER_TASK)
+        uncertainty = uncertainty_over(calibrated, described, out.seed)
+        verdict = judge(calibrated, described, seed=out.seed).summary()
+        if corrected is not None:
+            verdict, written = _with_program(verdict, corrected)
+    campaign = _read(calibrated, measured)
+    remainder, rungs = _examine(calibrated, measured, campaign, out.seed, begin)
+
+    def sections() -> "list[Section]":
+        from taskcal.report.calibration import residual_analysis_section, task_uncertainty_section
+        from taskcal.report.verdict import verdict_section
+
+        made = [] if verdict is None else [verdict_section(verdict)]
+        made += [] if uncertainty is None else [task_uncertainty_section(uncertainty)]
+        return made if remainder is None else [*made, residual_analysis_section(remainder)]
+
+    def make() -> "Page":
+        from taskcal.report.calibration import calibration_page, calibration_sections
+        from taskcal.report.verdict import verdict_section
+
+        told = calibration_sections(
+            calibrated,
+            judged=verdict,
+            over=uncertainty,
+            space=None if described is None else described.workspace,
+            campaign=campaign,
+            images=measured.image_folder,
+            remainder=remainder,
+            rungs=rungs,
         )
+        return calibration_page(calibrated, told if verdict is None else [verdict_section(verdict), *told])
 
-    def show_all() -> None:
-        if verdict is not None:
-            judged = tabulate_verdict(verdict)
-            show(judged)
-            tell(judged.note)
-        if uncertainty is not None:
-            tell(
-                f"over '{uncertainty.task}', 3D rms standard uncertainty: target {uncertainty.target * 1e3:.3f} mm; TCP "
-                f"{uncertainty.after * 1e3:.3f} mm, {uncertainty.before * 1e3:.3f} mm from the tolerances alone"
-            )
-        if remainder is not None:
-            show_remainder(remainder)
-        if verdict is not None:
-            show_facts([("next", next_step(verdict))])
-        tell(f"wrote {out.in_words([*signed, *files])}")
+    signed: str | bytes = ""
+    if out.certificate is not None:
+        from taskcal.report.certificate import BLANK, certificate_page
+        from taskcal.report.page import print_page
 
-    out.give(_result(calibrated, verdict, uncertainty, remainder), show_all)
+        page = certificate_page(calibrated, verdict, described, _digests([calibration, *written]))
+        page = out.headed(page, ON_CERTIFICATE, BLANK)
+        signed = print_page(page) if out.is_printed else page.html()
+    return Result(
+        summary=_result(calibrated, verdict, uncertainty, remainder),
+        sections=sections,
+        files=[File("certificate", out.certificate, signed)],
+        page=make,
+    )
+
+
+def _digests(files: Sequence[Path]) -> Mapping[str, str]:
+    """SHA-256 of files, by their names; empty for one that is no longer where it was written."""
+    import hashlib
+
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "" for file in files}
+
+
+def _with_program(verdict: Mapping[str, Any], corrected: Path) -> tuple[Mapping[str, Any], Sequence[Path]]:
+    """The verdict of a correction, and the files that it wrote.
+
+    Raises:
+        FileError: it is of another calibration or another task.
+    """
+    from taskcal.errors import FileError
+    from taskcal.io.json_file import parse_json
+    from taskcal.io.text_file import read_text
+    from taskcal.report.verdict import with_program
+
+    result = None
+    with suppress(ValueError, RecursionError):  # what is no JSON is no result either
+        result = parse_json(read_text(corrected), corrected)
+    found = with_program(verdict, result)
+    if found is None or result is None:
+        raise FileError(
+            corrected,
+            "is not of a program that was corrected by this calibration for this task; correct it again: taskcal correct --task "
+            "… --json",
+        )
+    return found, [Path(file) for file in result["written"]]
 
 
 def _result(
     calibration: "taskcal.Calibration",
-    verdict: "Verdict | None",
+    verdict: Mapping[str, Any] | None,
     uncertainty: "Uncertainty | None",
     remainder: "taskcal.identification.ResidualAnalysis | None",
 ) -> dict[str, Any]:
@@ -131,7 +192,7 @@ def _result(
         "outliers": len(calibration.outliers),
     }
     if verdict is not None:
-        result["verdict"] = verdict.summary()
+        result["verdict"] = verdict
     if uncertainty is not None:
         result |= {
             "task": uncertainty.task,
@@ -142,25 +203,6 @@ def _result(
     if remainder is not None:
         result["remainder"] = remainder.summary()
     return result
-
-
-EXPLAINED = (
-    Column("quantity", lambda e: e.regressor.name),
-    Column("moves", lambda e: e.regressor.moves),
-    Column("share % of variance", lambda e: 100 * e.share, ".1f"),
-    Column("p", "p_value", ".2g"),
-)
-
-
-def show_remainder(remainder: "taskcal.identification.ResidualAnalysis") -> None:
-    """Print the quantities that the residuals depend on significantly."""
-    rows = [e for e in remainder.explained if e.p_value is not None and e.p_value <= MAX_P_VALUE]
-    size = f"3D rms {remainder.rms * 1e3:.3f} mm, tracker noise {remainder.tracker * 1e3:.3f} mm"
-    title = f"Residual variance explained, by quantity ({size})"
-    if rows:
-        show(Table.of(title, EXPLAINED, rows))
-    else:
-        tell(f"{title}: not significant for any quantity")
 
 
 def _read(calibration: "taskcal.Calibration", measured: MeasuredOptions) -> "taskcal.Campaign | None":

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,12 +12,13 @@ from typer.core import TyperGroup
 
 import taskcal
 from taskcal.analysis.identifiability import describe_combination
-from taskcal.cli.command import Command, argument, laid_out, option
-from taskcal.cli.options.common import ROBOT, JsonOption, OutputOptions
-from taskcal.cli.output import info, placement, show, show_facts, tell, write_json
+from taskcal.cli.command import Command, argument, laid_out, option, output_option
+from taskcal.cli.options.common import ROBOT
+from taskcal.cli.output import info
+from taskcal.cli.run import File, JsonOption, OutputOptions, Result
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ALL_DIRECTIONS, freedom_of
-from taskcal.report.content import Column, Table
+from taskcal.report.content import Column, Facts, Section, Table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.robot.robot import Part, Robot
@@ -26,10 +28,11 @@ class ShowByDefault(TyperGroup):
     """A group whose first argument, where it is not a command, is the robot to show."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Put ``show`` before a robot's name."""
+        """Put ``show`` before a robot's name, and behind that of a command what is asked before it."""
         if args and args[0] not in self.commands and not args[0].startswith("-"):
             args = ["show", *args]
-        return super().resolve_command(ctx, args)
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command, ["--json", *rest] if ctx.params["as_json"] else rest
 
 
 app = typer.Typer(
@@ -37,64 +40,55 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     invoke_without_command=True,
-    subcommand_metavar="[NAME_OR_FILE | COMMAND …]",
+    subcommand_metavar="[ROBOT | COMMAND …]",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
 @app.callback()
-@laid_out
-def catalogue(context: typer.Context, as_json: JsonOption = False) -> None:
+@partial(laid_out, called="robots")
+def catalogue(context: typer.Context, as_json: JsonOption = False) -> Result | None:
     """List the catalogue, show a robot, or import one from a table or URDF.
 
     taskcal robots — the catalogue
 
-    taskcal robots NAME_OR_FILE — one robot: joints, tool, mechanism, parameters
+    taskcal robots ROBOT — one robot: joints, tool, mechanism, parameters
 
     taskcal robots import ROBOT.urdf -o ROBOT.toml — a robot of your own, from a URDF
 
     taskcal robots import TABLE.csv --convention dh -o ROBOT.toml — from a table
 
-    taskcal robots task NAME_OR_FILE -o TASK.toml — a task to begin with
+    taskcal robots task ROBOT -o TASK.toml — a task to begin with
     """
-    context.obj = as_json
-    if context.invoked_subcommand is None:
-        list_robots(as_json)
+    return list_robots() if context.invoked_subcommand is None else None
 
 
 @app.command("list", cls=Command)
-@laid_out
-def listed(*, context: typer.Context, as_json: JsonOption = False) -> None:
+@partial(laid_out, called="robots list")
+def listed(*, as_json: JsonOption = False) -> Result:
     """List the catalogue (the word 'list' may be omitted)."""
-    list_robots(as_json or bool(context.obj))
+    return list_robots()
 
 
-def list_robots(as_json: bool) -> None:
-    """Print the robots of the catalogue."""
+def list_robots() -> Result:
+    """The robots of the catalogue."""
     result = {"robots": [catalogue_entry(taskcal.load_robot(name)) for name in taskcal.catalogue_names()]}
-    if as_json:
-        write_json(result)
-        return
     columns = (
         Column("name", "name"),
         Column("robot", "title"),
         Column("joints", "joints", "d"),
         Column("notes", lambda robot: "; ".join(robot["notes"])),
     )
-    show(Table.of("Robots in the catalogue", columns, result["robots"]))
+    table = Table.of("Robots in the catalogue", columns, result["robots"])
+    return Result(summary=result, sections=lambda: [Section("Robots", table)])
 
 
 @app.command("show", cls=Command)
-@laid_out
-def show_robot(
-    *, context: typer.Context, robot: str = argument(..., "NAME_OR_FILE", ROBOT), as_json: JsonOption = False
-) -> None:
+@partial(laid_out, called="robots show")
+def show_robot(*, robot: str = argument(..., "ROBOT", ROBOT), as_json: JsonOption = False) -> Result:
     """Show one robot (the word 'show' may be omitted)."""
     result = describe(taskcal.load_robot(robot))
-    if as_json or context.obj:
-        write_json(result)
-    else:
-        show_sheet(result)
+    return Result(summary=result, sections=lambda: [robot_section(result)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,10 +108,9 @@ class DescriptionOptions:
 
 
 @app.command("import", cls=Command)
-@laid_out
+@partial(laid_out, called="robots import")
 def import_robot(
     *,
-    context: typer.Context,
     source: Path = argument(
         ...,
         "FILE",
@@ -125,56 +118,54 @@ def import_robot(
         "alpha_deg, a_mm, d_mm, theta_offset_deg; optionally theta_from_controller such as -(J2+J3), type, lower_deg and "
         "upper_deg.",
     ),
-    output: Path = option(..., "ROBOT.toml", "Output: the robot file.", also="-o"),
+    output: Path = output_option(..., "ROBOT.toml", "Output: the robot file."),
     reading: DescriptionOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Make a robot file from a URDF, a Denavit–Hartenberg table or a UR's calibration."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as robot files do", param_hint="--output")
-    outputs = out.begin("robots import", [("--output", output)], [source])
     from taskcal.robot.catalogue import describe_robot, robot_toml
 
     given = {name: value for name, value in asdict(reading).items() if name != "nominal"}
     nominal = None if reading.nominal is None else taskcal.load_robot(reading.nominal)
     described = describe_robot(source, **given, nominal=nominal)
-    outputs.write({output: robot_toml(described)})
-    if out.as_json or context.obj:
-        write_json({"robot": str(output), "name": described["name"], "joints": [j["name"] for j in described["joint"]]})
-        return
     for line in described["source"][1:]:
         info(line)
-    tell(f"wrote {output}: {described['name']}, {len(described['joint'])} joints")
-    info(
+    use = (
         f"use it with --robot {output}; taskcal robots {output} shows it. Add limits, tool and tolerances to the file: the "
         "tolerances are the prior of every fit"
+    )
+    remark = f": {described['name']}, {len(described['joint'])} joints"
+    return Result(
+        summary={"robot": output, "name": described["name"], "joints": [j["name"] for j in described["joint"]]},
+        sections=lambda: [Section("Robot", Facts(("next", use)))],
+        files=[File("robot", output, robot_toml(described), remark)],
     )
 
 
 @app.command("task", cls=Command)
-@laid_out
+@partial(laid_out, called="robots task")
 def begin_task(
     *,
-    context: typer.Context,
-    robot: str = argument(..., "NAME_OR_FILE", ROBOT),
-    output: Path = option(..., "TASK.toml", "Output: the task file.", also="-o"),
+    robot: str = argument(..., "ROBOT", ROBOT),
+    output: Path = output_option(..., "TASK.toml", "Output: the task file."),
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Make a task file to begin with: a box that the robot reaches with its tool down."""
     if output.suffix != ".toml":
         raise typer.BadParameter(f"'{output}' does not end in .toml, as task files do", param_hint="--output")
-    outputs = out.begin("robots task", [("--output", output)], [])
     from taskcal.task.default_task import task_text
 
     task = taskcal.default_task(ErrorModel(taskcal.load_robot(robot)))
-    outputs.write({output: task_text(task)})
     assert task.workspace is not None
     center, size = (_scaled(lengths, 1e3) for lengths in (task.workspace.center, task.workspace.size))
-    if out.as_json or context.obj:
-        write_json({"task": str(output), "center_mm": center, "size_mm": size})
-        return
-    tell(f"wrote {output}: a box of {' × '.join(f'{edge:g}' for edge in size)} mm")
-    info(f"use it with --task {output}; change its box, orientation and accuracy to those of your task")
+    use = f"use it with --task {output}; change its box, orientation and accuracy to those of your task"
+    return Result(
+        summary={"task": output, "center_mm": center, "size_mm": size},
+        sections=lambda: [Section("Task", Facts(("next", use)))],
+        files=[File("task", output, task_text(task), f": a box of {' × '.join(f'{edge:g}' for edge in size)} mm")],
+    )
 
 
 # The description of a robot.
@@ -310,11 +301,11 @@ def _placement(parts: tuple[Part, ...]) -> dict[str, Any]:
     T = np.eye(4)
     for part in parts:
         T = T @ part.transform
-    return placement(T)
+    return se3.placement(T)
 
 
-def show_sheet(sheet: Mapping[str, Any]) -> None:
-    """Print a description."""
+def robot_section(sheet: Mapping[str, Any]) -> Section:
+    """A description for people."""
     position = "  ".join(f"{axis} {value:g}" for axis, value in zip("xyz", sheet["tool"]["position_mm"], strict=True))
     mechanism = sheet["mechanism"]
     facts = [
@@ -351,12 +342,14 @@ def show_sheet(sheet: Mapping[str, Any]) -> None:
         dropped = len(sheet["published"]["dropped"])
         facts.append(("published", f"{sheet['published']['source']} ({dropped} dropped, marked –)"))
     facts += [("source", text) for text in sheet["source"]]
-    show_facts(facts)
-    show(Table.of("Joints", JOINTS, sheet["joint_table"]))
-    shown = Table.of("Weights and drives", DRIVES, statics["drives"])
-    if len(shown.header) > 1:
-        show(shown)
-    _show_parameters(sheet)
+    drives = Table.of("Weights and drives", DRIVES, statics["drives"])
+    return Section(
+        sheet["name"],
+        Facts(*facts),
+        Table.of("Joints", JOINTS, sheet["joint_table"]),
+        drives if len(drives.header) > 1 else None,
+        _tabulate_parameters(sheet),
+    )
 
 
 def _directions(directions: Mapping[str, int]) -> list[tuple[str, str]]:
@@ -399,7 +392,7 @@ DRIVES = (
 """Masses, stiffness and gear ratios, each if any is stated."""
 
 
-def _show_parameters(sheet: Mapping[str, Any]) -> None:
+def _tabulate_parameters(sheet: Mapping[str, Any]) -> Table:
     """A row for each frame, with the publication's symbol behind each parameter."""
     dropped = set(sheet["published"]["dropped"]) if sheet["published"] else set[str]()
     frames: dict[str, list[str]] = {}
@@ -415,4 +408,4 @@ def _show_parameters(sheet: Mapping[str, Any]) -> None:
         *(Column("", lambda frame, k=k: frames[frame][k] if k < len(frames[frame]) else "") for k in range(width)),
         Column("tolerance (1σ)", lambda frame: ", ".join(tolerances[frame])),
     )
-    show(Table.of("Parameters", columns, list(frames)))
+    return Table.of("Parameters", columns, list(frames))

@@ -3,35 +3,37 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
 from jaxtyping import Float
+from pydantic import Field
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import Told, option, output_option
 from taskcal.cli.options.common import (
     REACHING,
-    OutputOptions,
     RobotOption,
     SpreadOptions,
     TaskOption,
-    above_zero,
-    not_negative,
     read_and_reach,
 )
 from taskcal.cli.options.observing import check_instruments
-from taskcal.cli.output import files_of_task, plain, tell
 from taskcal.cli.progress import bar_over
-from taskcal.errors import FileError
+from taskcal.cli.run import File, OutputOptions, Result
+from taskcal.errors import FileError, TaskcalError, shown
+from taskcal.io.codec import LACKS, decode, describe
 from taskcal.io.json_file import parse_json
 from taskcal.io.text_file import read_text
 from taskcal.observations import Observation, instrument_classes, instrument_of
+from taskcal.report.content import Facts, Section
 from taskcal.robot.error_model import ErrorModel
-from taskcal.virtual.cell import SimulationOptions, Truth
+from taskcal.virtual.cell import Truth
+from taskcal.virtual.options import SimulationOptions
+from taskcal_groundwork.options import Written
 
 if TYPE_CHECKING:
     from taskcal.virtual.pictures import VirtualCamera
@@ -48,21 +50,15 @@ class ReflectorOptions:
     """Reflectors on the tool.
 
     Raises:
-        typer.BadParameter: a number of reflectors that is not offered, or several where poses are measured.
+        typer.BadParameter: a number of reflectors that is not offered.
     """
 
     targets: int | None = option(None, "1|3", "Reflectors on the tool; 1 by default.")
-    pose: bool = option(False, help="Measure poses instead of points.")
-    stations: int = option(1, "N", "Places that the tracker is moved to, as many rows at each.", min=1)
 
     def __post_init__(self) -> None:
         if self.targets not in (None, 1, 3):
             raise typer.BadParameter(
                 f"{self.targets} reflectors are not offered; choose 1 or 3", param_hint="--targets"
-            )
-        if self.pose and self.targets not in (None, 1):
-            raise typer.BadParameter(
-                "a measured pose has one target; leave out --targets", param_hint="--pose / --targets"
             )
 
 
@@ -75,14 +71,14 @@ class CameraOptions:
 
     board: Path | None = option(None, "BOARD.toml", "With --observe pixels: the boards, which stand side by side.")
     camera_file: Path | None = option(
-        None, "CAMERA.toml|.yaml", "The camera, in place of --image-size and --focal-px.", named="--camera"
+        None, "CAMERA.toml|.yaml", "The camera, in place of --image-size and --focal-px.", named="camera"
     )
     image_size: str = option(IMAGE_SIZE, "WIDTHxHEIGHT", "Size of an image, pixels.")
     focal_px: float | None = option(
-        None, "PX", "Focal length; by default 0.9 of the image's width.", callback=above_zero
+        None, "PX", "Focal length; by default 0.9 of the image's width.", low=0.0, ends=False
     )
-    noise_px: float = option(0.15, "PX", "Noise of a corner in each direction, 1σ.", callback=not_negative)
-    images: Path | None = option(None, "FOLDER", "Render the images into this folder.")
+    noise_px: float = option(0.15, "PX", "Noise of a corner in each direction, 1σ.", low=0.0)
+    images: Path | None = option(None, "FOLDER", "Render the images into this folder.", writes="later")
 
     def check(self, observe: str) -> None:
         """See that a board is given for images, and only for them.
@@ -125,8 +121,8 @@ class CameraOptions:
 
     def take(
         self, model: ErrorModel, q: Float[np.ndarray, "n joints"], output: Path, seed: int, options: SimulationOptions
-    ) -> tuple[dict[Path | None, str | bytes], Truth]:
-        """The files of a campaign of images, and its truth."""
+    ) -> tuple[str, list[File], Truth]:
+        """The rows of a campaign of images, its images and its truth."""
         from taskcal.observations.calibration_board import read_boards
         from taskcal.reading.pictures import Corners
         from taskcal.reading.writer import joints_text
@@ -147,42 +143,29 @@ class CameraOptions:
             pixel=shots.pixel,
         ).table()
         rows = np.array([names.index(name) for name in corners["image"]], dtype=int)
-        contents: dict[Path | None, str | bytes] = {output: joints_text(shots.q[rows], model.robot, corners)}
-        if self.images is not None:
-            pictures = render_shots(shots, boards, camera, rng)
-            contents |= {self.images / name: png for name, png in zip(names, pictures, strict=True)}
-        return contents, truth
+        pictures = () if self.images is None else zip(names, render_shots(shots, boards, camera, rng), strict=True)
+        images = [] if self.images is None else [File("", self.images / name, png) for name, png in pictures]
+        return joints_text(shots.q[rows], model.robot, corners), images, truth
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObserveOptions:
-    """Instrument of the simulation, and errors outside the model.
+    """Instrument of the simulation.
 
     Raises:
-        typer.BadParameter: distances without sockets, or places for a tracker.
+        typer.BadParameter: distances without sockets.
     """
 
     observe: str = option(
         "tracker", "INSTRUMENT", f"Instrument: {', '.join(instrument_classes())}; several: socket+wire."
     )
-    places: int | None = option(
-        None, "N", "Blocks of sockets, anchors, planes (default 3), landmarks, boards or cubes (1).", min=1
-    )
-    distances: Path | None = option(None, "DISTANCES.csv", "Write the stated distances of sockets here.")
-    model_error_mm: float = option(0.0, "MM", "Model error, 1σ per axis.", callback=not_negative)
-    joint_error_deg: float = option(
-        0.0, "DEG", "Difference of true and controller joint values, 1σ.", callback=not_negative
-    )
+    distances: Path | None = option(None, "DISTANCES.csv", "Write the stated distances of sockets here.", writes="new")
 
     def __post_init__(self) -> None:
         check_instruments(self.observe)
         if self.distances is not None and not self.lengths:
             raise typer.BadParameter(
                 "only sockets have stated distances; add --observe socket, or leave it out", param_hint="--distances"
-            )
-        if self.places is not None and self.tracked:
-            raise typer.BadParameter(
-                "a tracker needs no places; add --observe socket, wire, camera …", param_hint="--places"
             )
 
     @property
@@ -205,30 +188,28 @@ def command(
     *,
     robot: RobotOption,
     task: TaskOption,
-    output: Path = option(..., "CAMPAIGN.csv", "Output CSV: the campaign.", also="-o"),
+    output: Path = output_option(..., "CAMPAIGN.csv", "Output CSV: the campaign."),
     spread: SpreadOptions,
-    truth: Path | None = option(None, "TRUTH.json", "Write the true parameters, tracker frame and targets here."),
+    truth: Path | None = option(
+        None, "TRUTH.json", "Write the true parameters, tracker frame and targets here.", writes="new"
+    ),
     truth_from: Path | None = option(
         None, "TRUTH.json", "Measure the robot of this truth again; another --seed gives other noise."
     ),
     reflectors: ReflectorOptions,
     how: ObserveOptions,
+    choice: Annotated[Written[SimulationOptions], Told(("observe",))],
     camera: CameraOptions,
     out: OutputOptions,
-) -> None:
+) -> Result:
     """Simulate a campaign of a simulated robot drawn from its tolerances."""
-    if (reflectors.pose or reflectors.targets is not None or reflectors.stations > 1) and not how.tracked:
-        raise typer.BadParameter(
-            "only for a tracker; omit them", param_hint="--targets / --pose / --stations / --observe"
-        )
+    if reflectors.targets is not None and not how.tracked:
+        raise typer.BadParameter("only for a tracker; omit it", param_hint="--targets / --observe")
+    if choice.pose and reflectors.targets not in (None, 1):
+        raise typer.BadParameter("a measured pose has one target; leave out --targets", param_hint="--pose / --targets")
     if reflectors.targets is not None and truth_from is not None:
         raise typer.BadParameter("the truth has its own targets", param_hint="--targets / --truth-from")
     camera.check(how.observe)
-    outputs = out.begin(
-        "simulate",
-        [("--output", output), ("--truth", truth), ("--distances", how.distances)],
-        [robot, *files_of_task(task), truth_from, camera.board, camera.camera_file],
-    )
     from taskcal.campaigns.campaign import distances_text
     from taskcal.reading.writer import campaign_text
     from taskcal.robot.error_model import ErrorModel
@@ -236,29 +217,24 @@ def command(
     model = ErrorModel(taskcal.load_robot(robot))
     drawn = None if truth_from is None else read_truth(truth_from, model)
     targets = {name: np.array(p) * 1e-3 for name, p in REFLECTORS_MM.items()} if reflectors.targets == 3 else None
-    options = taskcal.virtual.SimulationOptions(
-        targets=targets if drawn is None else drawn.targets,
-        pose=reflectors.pose,
-        stations=reflectors.stations,
-        observe=how.observe,
-        places=how.places,
-        model_error=how.model_error_mm * 1e-3,
-        joint_error=float(np.radians(how.joint_error_deg)),
-        x=None if drawn is None else drawn.x,
+    options = choice.made(
+        targets=targets if drawn is None else {name: T[:3, 3] for name, T in drawn.targets.items()},
+        x=None if drawn is None else np.array([drawn.x[name] for name in model.names]),
         T_tracker_base=None if drawn is None else drawn.T_tracker_base,
     )
     with bar_over([REACHING, MEASURING]) as begin:
         poses = read_and_reach(model, task, spread.count, spread.seed, begin)
         begin(MEASURING)
-        contents: dict[Path | None, str | bytes] = {}
         if camera.board is not None:
-            contents, true = camera.take(model, poses.q, output, spread.seed, options)
+            text, others, true = camera.take(model, poses.q, output, spread.seed, options)
             measured: tuple[str, ...] = ("camera",)
         else:
             campaign, true = taskcal.simulate(model, poses.q, rng=np.random.default_rng(spread.seed), options=options)
-            contents[output], measured = campaign_text(campaign, model.robot), campaign.targets
-            contents[how.distances] = "" if how.distances is None else distances_text(campaign)
-    outputs.write({**contents, truth: truth_text(true, measured)})
+            text, measured = campaign_text(campaign, model.robot), campaign.targets
+            stated = "" if how.distances is None else distances_text(campaign)
+            others = [File("distances", how.distances, stated, f": {how.lengths}")]
+    rows = f": {len(poses.q)} rows of {model.robot.name}, targets {', '.join(measured)}"
+    known = ": the true parameters, tracker frame and targets"
     result = {
         "campaign": output,
         "truth": truth,
@@ -269,26 +245,28 @@ def command(
         "observe": how.observe,
         "distances": how.distances,
         "targets": measured,
-        "pose": reflectors.pose,
-        "stations": reflectors.stations,
+        "pose": choice.pose,
+        "stations": choice.stations,
         "unreachable_share": float(poses.unreachable.mean()),
     }
-    out.give(result, lambda: _tell(result, how.lengths))
-
-
-def _tell(result: Mapping[str, Any], lengths: str) -> None:
-    """Print what was written."""
-    tell(
-        f"wrote {result['campaign']}: {result['rows']} rows of {result['robot']}, targets {', '.join(result['targets'])}"
+    return Result(
+        summary=result,
+        sections=lambda: [_section(result, how.lengths)],
+        files=[File("campaign", output, text, rows), *others, File("truth", truth, truth_text(true, measured), known)],
     )
-    if result["unreachable_share"]:
-        tell(f"{result['unreachable_share']:.1%} of the task's poses are out of reach")
-    if result["distances"] is not None:
-        tell(f"wrote {result['distances']}: {lengths}")
-    elif lengths:
-        tell(f"{lengths}, which determine the robot's scale, are not written; name a file with --distances")
-    if result["truth"] is not None:
-        tell(f"wrote {result['truth']}: the true parameters, tracker frame and targets")
+
+
+def _section(result: Mapping[str, Any], lengths: str) -> Section:
+    """What is to be known of what was written."""
+    out, left_out = result["unreachable_share"], lengths and result["distances"] is None
+    scale = f"{lengths}, which determine the robot's scale, are not written; name a file with --distances"
+    return Section(
+        "Campaign",
+        Facts(
+            ("out of reach", f"{out:.1%} of the task's poses") if out else None,
+            ("distances", scale) if left_out else None,
+        ),
+    )
 
 
 # The file of a simulated robot's truth: defects, tracker frame and targets; written and read back.
@@ -298,24 +276,27 @@ def _tell(result: Mapping[str, Any], lengths: str) -> None:
 class KnownTruth:
     """Truth from which a simulated robot is measured."""
 
-    x: Float[np.ndarray, " p"]
-    """Defects in the model's order, metres and radians."""
+    robot: str
+    units: Literal["metres and radians"] = "metres and radians"
+    x: Mapping[str, float]
+    """Defects, by the names of the model's parameters."""
     T_tracker_base: Float[np.ndarray, "4 4"]
-    targets: dict[str, Float[np.ndarray, " 3"]]
-    """Centres in the tool frame, metres."""
+    targets: Annotated[Mapping[str, Float[np.ndarray, "4 4"]], Field(min_length=1)]
+    """Poses in the tool frame."""
+    unknowns: Annotated[Mapping[str, float], LACKS] = field(default_factory=dict[str, float])
+    """Of what observes the targets, if not a tracker."""
 
 
 def truth_text(truth: Truth, targets: tuple[str, ...]) -> str:
     """The file of what a campaign was made from."""
-    content = {
-        "robot": truth.model.robot.name,
-        "units": "metres and radians",
-        "x": dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
-        "T_tracker_base": truth.T_tracker_base,
-        "targets": dict(zip(targets, truth.T_tool_target, strict=True)),
-        "unknowns": dict(truth.unknowns),
-    }
-    return json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
+    content = KnownTruth(
+        robot=truth.model.robot.name,
+        x=dict(zip(truth.model.names, truth.x.tolist(), strict=True)),
+        T_tracker_base=truth.T_tracker_base,
+        targets=dict(zip(targets, truth.T_tool_target, strict=True)),
+        unknowns=truth.unknowns,
+    )
+    return json.dumps(describe(content), indent=1, allow_nan=False) + "\n"
 
 
 def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
@@ -330,20 +311,14 @@ def read_truth(path: Path, model: ErrorModel) -> KnownTruth:
     except (ValueError, RecursionError) as error:
         raise FileError(path, f"is not JSON: {error}; write one with taskcal simulate --truth") from error
     try:
-        robot, defects = str(data["robot"]), {str(name): float(value) for name, value in data["x"].items()}
-        base = np.asarray(data["T_tracker_base"], dtype=float)
-        targets = {str(name): np.asarray(T, dtype=float)[:3, 3] for name, T in data["targets"].items()}
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        message = (
-            f"is not the truth of a simulated robot ({type(error).__name__}: {error}); make one with simulate --truth"
-        )
+        known = decode(KnownTruth, data)
+    except TaskcalError as error:
+        message = f"is not the truth of a simulated robot: {error}; make one with simulate --truth"
         raise FileError(path, message) from error
-    if robot != model.robot.name:
+    robot = shown(known.robot)
+    if known.robot != model.robot.name:
         raise FileError(path, f"was simulated for {robot}, not {model.robot.name}; pass --robot {robot}")
-    odd = sorted(set(defects) ^ set(model.names))
+    odd = sorted(set(known.x) ^ set(model.names))
     if odd:
-        raise FileError(path, f"and the model of {robot} differ in parameter '{odd[0]}'; simulate it again")
-    values = np.array([*defects.values(), *base.ravel(), *(c for p in targets.values() for c in p)])
-    if base.shape != (4, 4) or not targets or not np.all(np.isfinite(values)):
-        raise FileError(path, "is not a valid truth: a frame, a target or a number is wrong; simulate it again")
-    return KnownTruth(x=np.array([defects[name] for name in model.names]), T_tracker_base=base, targets=targets)
+        raise FileError(path, f"and the model of {robot} differ in parameter '{shown(odd[0])}'; simulate it again")
+    return known

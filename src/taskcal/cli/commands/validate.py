@@ -1,9 +1,7 @@
 """``taskcal validate``: how well a calibration predicts another campaign."""
 
 from dataclasses import dataclass
-from typing import Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 import taskcal
 from taskcal.cli.command import option
@@ -11,12 +9,14 @@ from taskcal.cli.options.campaign import CampaignOptions
 from taskcal.cli.options.common import (
     CalibrationArgument,
     CampaignsArgument,
-    JsonOption,
     UnsealedOption,
-    above_zero,
     read_calibration,
 )
-from taskcal.cli.output import error, info, show, show_facts, tell_edits, write_json
+from taskcal.cli.output import info
+from taskcal.cli.run import JsonOption, Result
+
+if TYPE_CHECKING:
+    import taskcal.report.comparison
 
 MAX_OFF_STORED_M = 1e-9
 """Difference between stored and computed residuals that rounding may leave, metres (radians): predictions some metres away are
@@ -34,9 +34,12 @@ class AcceptanceOptions:
         None,
         "LIMIT",
         "Pass or fail by this limit, mm, with a guard band (JCGM 106); exit status 1 for fail.",
-        callback=above_zero,
+        low=0.0,
+        ends=False,
     )
-    accept_of: Literal["max", "p95", "rms", "mean"] = option("max", help="Error statistic compared with the limit.")
+    accept_of: Literal["rms", "max", "p95", "mean"] = option(
+        "rms", help="Error statistic compared with the limit; rms is that of the verdict."
+    )
 
     def decide(self, examination: "taskcal.identification.Examination") -> "taskcal.identification.Acceptance | None":
         """The decision; None where no limit was given."""
@@ -59,7 +62,7 @@ def command(
     acceptance: AcceptanceOptions,
     reading: CampaignOptions,
     as_json: JsonOption = False,
-) -> None:
+) -> Result:
     """Validate a calibration against a campaign; optional pass/fail decision."""
     calibrated = read_calibration(calibration, unsealed=unsealed)
     known = None if reregister or reading.board is None else calibrated.targets
@@ -70,48 +73,23 @@ def command(
     for remark in examination.validation.remarks:
         info(remark)
     decision = acceptance.decide(examination)
-    if as_json:
-        write_json({**examination.summary(), "acceptance": None if decision is None else decision.summary()})
-    else:
-        frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
-        if measured.observations:
-            frames = "fixed objects located by the calibrated robot, from these rows"
-        statistic = "Position error" if examination.validation.has_axes else "Error"
-        title = f"{statistic} of {calibrated.model.robot.name} on {' '.join(map(str, campaign))} ({frames})"
-        tell_edits()
-        _show(title, examination, decision, None if all_rows else MAX_WORST)
+    frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
+    if measured.observations:
+        frames = "fixed objects located by the calibrated robot, from these rows"
+    where = f"{calibrated.model.robot.name} on {' '.join(map(str, campaign))} ({frames})"
+    failed = decision is not None and not decision.accepted
     if (off := examination.off_stored) is not None and off > MAX_OFF_STORED_M:
-        error(
+        failed = (
             f"{calibration}: its stored residuals of this campaign, to which it was fitted, are not met: by {off * 1e3:.3g} mm. "
             "The file was edited, or an effect's code has changed since; identify again"
         )
-        raise typer.Exit(1)
-    if decision is not None and not decision.accepted:
-        raise typer.Exit(1)
-
-
-def _show(
-    title: str,
-    examination: "taskcal.identification.Examination",
-    decision: "taskcal.identification.Acceptance | None",
-    worst: int | None,
-) -> None:
-    from taskcal.report import comparison as tables
-    from taskcal.report.calibration import are_most, describe_outliers, tabulate_errors
-
-    parts = {label.replace("_", " measured "): part.summary() for label, (part, _) in examination.by_range().items()}
-    show(tabulate_errors({"predicted": examination.validation.summary(), **parts}, title))
-    show(tables.tabulate_points(examination, worst))
-    if examination.outliers:
-        show(tables.tabulate_examined_outliers(examination, worst))
-    mostly = are_most(len(examination.outliers), len(examination.validation))
-    outliers = describe_outliers(examination.shared, mostly=mostly)
-    facts = [("95 % regions", tables.describe_regions(examination)), ("outliers", outliers)]
-    if examination.validation.compared:
-        facts.insert(0, ("stated distances", tables.describe_compared(examination)))
-    if decision is not None:
-        facts += [("decision", tables.describe_decision(decision)), ("decision rule", tables.describe_rule(decision))]
-    show_facts(facts)
+    return Result(
+        summary={**examination.summary(), "acceptance": None if decision is None else decision.summary()},
+        sections=lambda: [
+            taskcal.report.comparison.examination_section(examination, where, decision, None if all_rows else MAX_WORST)
+        ],
+        failed=failed,
+    )
 
 
 def _shared_targets(measured: "taskcal.Campaign", calibration: "taskcal.Calibration") -> "taskcal.Campaign":

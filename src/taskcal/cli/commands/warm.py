@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taskcal.cli.options.common import JsonOption
 from taskcal.cli.output import tell, write_json
+from taskcal.cli.run import JsonOption
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 

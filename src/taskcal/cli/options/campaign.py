@@ -3,85 +3,34 @@
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
 import taskcal
+from taskcal.arguments import converted
 from taskcal.cli.command import option
-from taskcal.cli.options.common import split_names
 from taskcal.cli.output import info
 from taskcal.errors import CampaignError, FileError, shown
 from taskcal.io.text_file import read_text
+from taskcal.reading.options import ReadOptions, UsedRows
+from taskcal.tables.options import TableForm
+from taskcal_groundwork.options import OptionError, options_of
 
 if TYPE_CHECKING:
     from taskcal.reading.pictures import Corners
-    from taskcal.tables.text import DecimalMark
-
-
-Angles = Literal[
-    "abc",
-    "wpr",
-    "rpy-deg",
-    "rpy-rad",
-    "fixed-xyz-deg",
-    "fixed-xyz-rad",
-    "moving-xyz-deg",
-    "moving-xyz-rad",
-    "rotation-vector-rad",
-    "rotation-vector-deg",
-    "none",
-]
-"""Conventions of a pose's three angles."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TableOptions:
+class TableOptions(ReadOptions, TableForm):
     """Options of reading a table whose file leaves something open."""
 
-    columns: str | None = option(None, "'NAME …'", "Names of the columns, separated by spaces; - for a column to skip.")
-    decimal: Literal["point", "comma"] | None = option(
-        None, help="Decimal mark, where the numbers alone are ambiguous."
-    )
-    sheet: str | None = option(None, "NAME", "Sheet to read from a workbook.")
-    hidden_rows: Literal["keep", "drop"] | None = option(
-        None, help="Read or leave out rows that a workbook hides, as by a filter, or strikes out."
-    )
-    angles: Angles | None = option(
-        None, help="Convention of a pose's three angles, where the column names do not state it."
-    )
-    points: Path | None = option(
-        None, "FILE", "Separate file with the measured points, if the campaign holds joints only."
-    )
-    distances: Path | None = option(
-        None, "FILE", "Stated distances of sockets: columns socket_a, socket_b, distance_mm, and u_mm where known."
-    )
-    wire_scale: bool = option(
-        False, help="Fit the scale of measured lengths (d_mm) too; the robot's size is then nominal."
-    )
-    images: Path | None = option(
-        None,
-        "FOLDER|CORNERS.csv",
-        "Images of boards, one for each row, in a folder for each of several cameras; or the corners found in them.",
-    )
-    board: Path | None = option(
-        None, "BOARD.toml|FOLDER", "The boards that the images show: a file, or a folder of them."
-    )
-    image_times: str | None = option(
-        None,
-        "names|exif|TIMES.csv",
-        "Pair images with a log of joints by time, where the robot stood; a table of image and time_s, or times in names or files.",
-    )
-    camera: Path | None = option(
-        None,
-        "CAMERA.toml|.yaml|FOLDER",
-        "What is known of the camera of the images: Taskcal's TOML, or YAML of ROS (camera_info) or OpenCV; of several "
-        "a folder with a file named after each. A plan needs it.",
-    )
-    camera_exact: bool = option(False, help="Take the camera's numbers as exact.")
-    lens: Literal["pinhole", "fisheye"] = option("pinhole", help="Lens of the camera that took the images.")
+    @property
+    def image_folder(self) -> Path | None:
+        """The images, where a folder of them is named, and not the corners in them."""
+        return self.images if isinstance(self.images, Path) and self.images.is_dir() else None
 
     def find_corners(self) -> "tuple[Corners, ...] | None":
         """Corners in the images of each camera of a folder; None where none is given.
@@ -89,41 +38,25 @@ class TableOptions:
         Raises:
             TaskcalError: images or boards cannot be read, or OpenCV is not installed.
         """
-        if self.images is None or self.board is None or not self.images.is_dir():
+        if self.image_folder is None or self.board is None:
             return None
         from taskcal.observations.calibration_board import read_boards
         from taskcal.reading.detection import corners_of
 
-        return corners_of(self.images, read_boards(self.board))
+        return corners_of(self.image_folder, read_boards(self.board))
 
     @property
     def read_options(self) -> "taskcal.reading.ReadOptions":
         """Stated options, as the reader takes them."""
-        marks: dict[str | None, DecimalMark | None] = {None: None, "point": ".", "comma": ","}
-        columns = None if self.columns is None else tuple(self.columns.split())
         if self.images is not None and self.board is None:
-            raise typer.BadParameter("requires --board, the file of the boards that they show", param_hint="--images")
+            raise OptionError("requires {board}, the file of the boards that they show", "images", "board")
         if self.board is None and self.camera is not None:
-            raise typer.BadParameter("is of images; requires --board, too", param_hint="--camera")
+            raise OptionError("is of images; requires {board}, too", "camera", "board")
         if self.images is None and self.image_times is not None:
-            raise typer.BadParameter("requires --images, which it pairs", param_hint="--image-times")
+            raise OptionError("requires {images}, which it pairs", "image_times", "images")
         if self.camera is None and self.camera_exact:
-            raise typer.BadParameter("requires --camera, whose numbers are exact", param_hint="--camera-exact")
-        return taskcal.reading.ReadOptions(
-            form=taskcal.tables.TableForm(
-                columns=columns, decimal=marks[self.decimal], sheet=self.sheet, hidden_rows=self.hidden_rows
-            ),
-            angles=self.angles,
-            points=self.points,
-            distances=self.distances,
-            wire_scale=self.wire_scale,
-            board=self.board,
-            images=self.images,
-            lens=self.lens,
-            camera=self.camera,
-            image_times=self.image_times,
-            camera_exact=self.camera_exact,
-        )
+            raise OptionError("requires {camera}, whose numbers are exact", "camera_exact", "camera")
+        return replace(converted(ReadOptions, self), form=converted(TableForm, self))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -169,38 +102,18 @@ def compensate(
 
 
 @dataclass(frozen=True, kw_only=True)
-class CampaignOptions(TableOptions):
-    """Options of reading a campaign.
-
-    Raises:
-        typer.BadParameter: a list has an empty name, or one that is listed twice.
-    """
-
-    rows: str | None = option(
-        None, "A:B|FILE", "Rows to use, counted from 0: A:B without B, or a file with one number per line."
-    )
-    targets: str | None = option(None, "NAME,…", "Targets to use; by default all that are not reference points.")
-    reference_points: str | None = option(
-        None, "NAME,…", "Fixed points beside the robot; by default those whose names begin with 'base'.", also="--nests"
-    )
-    drift: Literal["follow", "ignore"] = option(
-        "follow",
-        help="Compensate drift by the reference points if they moved by more than their noise, or ignore them.",
-    )
-
-    def __post_init__(self) -> None:
-        split_names(self.targets, "--targets")
-        split_names(self.reference_points, "--reference-points")
+class CampaignOptions(UsedRows, TableOptions):
+    """Options of reading a campaign."""
 
     def named_images(self, campaign: Sequence[Path]) -> str:
         """Options with which a report shows the images of a campaign, read as they were; empty without images."""
         if self.board is None:
             return ""
         words = ["--campaign", str(campaign[0])]
-        for one in fields(CampaignOptions):
-            value = getattr(self, one.name)
+        for one in options_of(CampaignOptions):
+            value = getattr(self, one.field)
             if value != one.default:
-                words += [f"--{one.name.replace('_', '-')}", *([] if value is True else [str(value)])]
+                words += [f"--{one.name}", *([] if value is True else [str(one.written(value))])]
         return f" {shlex.join(words)}"
 
     def read(
@@ -228,8 +141,8 @@ class CampaignOptions(TableOptions):
         whole = taskcal.read_campaign(
             path,
             robot,
-            targets=split_names(self.targets, "--targets") or targets,
-            reference_points=split_names(self.reference_points, "--reference-points"),
+            targets=self.targets or targets,
+            reference_points=self.reference_points,
             options=self.read_options if corners is None else replace(self.read_options, images=corners),
         )
         name = whole.source or "campaign"
@@ -245,7 +158,7 @@ class MeasuredOptions(CampaignOptions):
     """A campaign that may be given, and how it is read.
 
     Raises:
-        typer.BadParameter: how to read a campaign, and no campaign.
+        OptionError: how to read a campaign, and no campaign.
     """
 
     of_others: ClassVar[tuple[str, ...]] = ()
@@ -254,18 +167,11 @@ class MeasuredOptions(CampaignOptions):
     campaign: Path | None = option(None, "CAMPAIGN.csv", "Measurements to use.")
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.campaign is not None:
             return
-        for given in fields(CampaignOptions):
-            if getattr(self, given.name) != given.default and given.name not in self.of_others:
-                name = f"--{given.name.replace('_', '-')}"
-                raise typer.BadParameter(f"{name} requires --campaign", param_hint=name)
-
-    @property
-    def inputs(self) -> tuple[str | Path | None, ...]:
-        """Files that are read."""
-        return self.campaign, self.points, self.rows, self.distances, self.images, self.board, self.camera
+        for given in options_of(CampaignOptions):
+            if getattr(self, given.field) != given.default and given.field not in self.of_others:
+                raise OptionError(f"{{{given.field}}} requires --campaign", given.field)
 
 
 # Rows of a campaign, as the command line chooses them: a:b, or a file of row numbers; counted from 0.

@@ -4,20 +4,20 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import taskcal
-from taskcal.cli.command import Declared, option
-from taskcal.cli.output import Outputs, check_outputs, info, tell_edits, warn_of_edits, write_json
+from taskcal.cli.command import option
+from taskcal.cli.output import info, warn_of_edits
 from taskcal.errors import FileError
+from taskcal.identification.options import read_effects
 from taskcal.io.files import finish_writing
+from taskcal_groundwork.options import Option, Seed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from taskcal.robot.effects import Effect
+    from collections.abc import Iterable
 
 
 # A first look at files that a command is to read, before the libraries that read them are imported: wrong ones end
@@ -61,7 +61,7 @@ def look_at_calibration(path: Path) -> Path:
     Raises:
         FileError: there is none, or it is something else.
     """
-    from taskcal.identification.calibration_format import read_envelope
+    from taskcal.identification.calibration_format import CALIBRATION
 
     look_at(path)
     if not path.is_file():
@@ -69,7 +69,7 @@ def look_at_calibration(path: Path) -> Path:
     with path.open("rb") as stream:
         begins = stream.read(200).lstrip()[:1]
     if begins != b"{" or path.stat().st_size < MAX_PARSED_BYTES:
-        read_envelope(path)
+        CALIBRATION.look_at(path)
     return path
 
 
@@ -89,12 +89,12 @@ def read_calibration(path: Path, *, unsealed: bool) -> "taskcal.Calibration":
 ROBOT = "Catalogue name, or file: .toml, .urdf (or .urdf#TIP), .xacro."
 
 
-RobotOption = Annotated[str, Declared(metavar="ROBOT", help=ROBOT, also="-r")]
-TaskOption = Annotated[Path, Declared(metavar="TASK.toml", help="Task file.", also="-t", more={"callback": look_at})]
+RobotOption = Annotated[str, Option(metavar="ROBOT", help=ROBOT, also="-r")]
+TaskOption = Annotated[Path, Option(metavar="TASK.toml", help="Task file.", also="-t", more={"callback": look_at})]
 CampaignArgument = Annotated[
     Path,
-    Declared(
-        kind=typer.Argument,
+    Option(
+        argument=True,
         metavar="CAMPAIGN.csv",
         help="Measurements: joint values and measured points or poses.",
         more={"callback": look_at},
@@ -102,8 +102,8 @@ CampaignArgument = Annotated[
 ]
 CampaignsArgument = Annotated[
     list[Path],
-    Declared(
-        kind=typer.Argument,
+    Option(
+        argument=True,
         metavar="CAMPAIGN.csv…",
         help="Measurements: joint values and measured points or poses. Of several files each is a station of the tracker, unless a "
         "column 'station' names them.",
@@ -112,8 +112,8 @@ CampaignsArgument = Annotated[
 ]
 CalibrationArgument = Annotated[
     Path,
-    Declared(
-        kind=typer.Argument,
+    Option(
+        argument=True,
         metavar="CAL.json",
         help="Calibration written by taskcal identify.",
         more={"callback": look_at_calibration},
@@ -121,94 +121,16 @@ CalibrationArgument = Annotated[
 ]
 CountOption = Annotated[
     int,
-    Declared(metavar="N", help="Number of poses, distributed over the task's workspace.", also="-n", more={"min": 1}),
+    Option(metavar="N", help="Number of poses, distributed over the task's workspace.", also="-n", low=1),
 ]
 UnsealedOption = Annotated[
-    bool, Declared(help="Read calibrations that were edited after they were identified; every result says so.")
+    bool, Option(help="Read calibrations that were edited after they were identified; every result says so.")
 ]
-SeedOption = Annotated[int, Declared(metavar="N", help="Seed of the random number generator.", more={"min": 0})]
-JsonOption = Annotated[bool, Declared(help="Print the result as JSON, alone on standard output.", named="--json")]
-ForceOption = Annotated[
-    bool, Declared(help="Replace files that this command did not write, or that were edited since.")
-]
-
-
-# What is checked of numbers as they are read, and lengths in metres.
-
-
-def above_zero(value: float | None) -> float | None:
-    """A number that was given and is finite and above zero.
-
-    Raises:
-        typer.BadParameter: it is not.
-    """
-    if value is not None and not 0 < value < float("inf"):
-        raise typer.BadParameter(f"{value:g} is not above zero")
-    return value
-
-
-def not_negative(value: float | None) -> float | None:
-    """A number that was given and is finite, and zero or above.
-
-    Raises:
-        typer.BadParameter: it is not.
-    """
-    if value is not None and not 0 <= value < float("inf"):
-        raise typer.BadParameter(f"{value:g} is not zero or above")
-    return value
-
-
-def within(least: float, most: float) -> Callable[[float | None], float | None]:
-    """A check that a number that was given is within its bounds; it raises `typer.BadParameter` where it is not, or not finite."""
-
-    def check(value: float | None) -> float | None:
-        if value is not None and not least <= value <= most:
-            raise typer.BadParameter(f"{value:g} is not between {least:g} and {most:g}")
-        return value
-
-    return check
 
 
 def metres(millimetres: float | None) -> float | None:
     """A length that was stated, or None."""
     return None if millimetres is None else millimetres * 1e-3
-
-
-ModelErrorOption = Annotated[
-    float | None,
-    Declared(
-        metavar="MM",
-        help="Model error, 1σ per axis; by default the robot file's, or a typical robot's.",
-        more={"callback": not_negative},
-    ),
-]
-
-
-TARGET_WITHIN_MM = 1000.0
-
-TargetWithinOption = Annotated[
-    float,
-    Declared(
-        metavar="MM",
-        help="Maximum distance of a target from the TCP; where the poses do not locate it, its standard uncertainty there, "
-        "100 at most.",
-        more={"min": 0.0, "max": 1e5},
-    ),
-]
-"""As `FitOptions.target_within` has it, for a fit and for the plan of its poses."""
-
-
-def check_one_model_error(millimetres: float | None, campaign: Path | None, calibration: Path | None) -> float | None:
-    """The model error that was stated, metres, where neither campaign nor calibration determines it.
-
-    Raises:
-        typer.BadParameter: one of them does.
-    """
-    for source, name in ((campaign, "campaign"), (calibration, "calibration")):
-        if source is not None and millimetres is not None:
-            message = f"--model-error-mm conflicts with --{name}, which already provides it; omit one"
-            raise typer.BadParameter(message, param_hint=f"--{name} / --model-error-mm")
-    return metres(millimetres)
 
 
 def split_names(text: str | None, option: str) -> list[str] | None:
@@ -249,37 +171,11 @@ def choose_names(text: str, option: str, offered: "Iterable[str]") -> list[str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutputOptions:
-    """Options of the output files and of the result."""
-
-    force: ForceOption = False
-    as_json: JsonOption = False
-
-    def begin(
-        self,
-        command: str,
-        outputs: "Iterable[tuple[str, Path | None]]" = (),
-        inputs: "Iterable[str | Path | None]" = (),
-        **more: Any,
-    ) -> Outputs:
-        """Check the files that a command writes, as `check_outputs` does."""
-        return check_outputs(command, outputs, inputs, force=self.force, **more)
-
-    def give(self, result: "Mapping[str, Any]", show: Callable[[], object]) -> None:
-        """Print a result: as JSON, or for people."""
-        if self.as_json:
-            write_json(result)
-        else:
-            tell_edits()
-            show()
-
-
-@dataclass(frozen=True, kw_only=True)
 class SpreadOptions:
     """Number and seed of poses distributed over a task."""
 
     count: CountOption = 60
-    seed: SeedOption = 0
+    seed: Seed = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,37 +233,12 @@ class ModelOptions(RobotOptions):
             TaskcalError: there is no such robot, or it cannot have an effect.
         """
         model, calibration = super().load()
-        effects = [] if self.effects is None else read_effects(self.effects)
+        effects = read_effects(self.effects or "none")
         if effects is None:
             raise typer.BadParameter("'auto' needs --campaign; otherwise list the effects", param_hint="--effects")
         for effect in effects:
             model = model + effect
         return model, calibration
-
-
-def read_effects(text: str) -> "list[Effect] | None":
-    """Effects named in a list with commas; None for ``auto``.
-
-    Raises:
-        typer.BadParameter: a name of no effect, or one that is listed twice.
-    """
-    from taskcal.errors import TaskcalError
-    from taskcal.robot.effects import parse_effect
-
-    names = split_names(text, "--effects") or []
-    if names in (["auto"], ["none"]):
-        return None if names == ["auto"] else []
-    effects: list[Effect] = []
-    for name in names:
-        if name in ("auto", "none"):
-            raise typer.BadParameter(
-                f"'{name}' cannot be combined; give it without other effects", param_hint="--effects"
-            )
-        try:
-            effects.append(parse_effect(name))
-        except TaskcalError as error:
-            raise typer.BadParameter(f"{error}; or auto, or none", param_hint="--effects") from error
-    return effects
 
 
 # The poses of a task.
@@ -411,7 +282,7 @@ class EngineOptions:
         "loky (processes on this machine), threading, sequential, or dask (a cluster, see --scheduler).",
     )
     scheduler: str | None = option(None, "ADDRESS", "Scheduler of the Dask cluster, such as tcp://HOST:8786.")
-    workers: int | None = option(None, "N", "Parallel workers; by default one per core.", min=1)
+    workers: int | None = option(None, "N", "Parallel workers; by default one per core.", low=1)
 
     @property
     def engine_name(self) -> str:

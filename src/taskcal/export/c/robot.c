@@ -221,35 +221,61 @@ int @P@_inverse_near(const double pose[12], const @P@_conditions *conditions, co
 
 @BRANCHES@
 
-int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double q[@GUARD@_BRANCHES][JOINTS], int *failed) {
-    const @P@_conditions *c = conditions ? conditions : &unknown;
-    double starts[STARTS][JOINTS];
-    int count = 0, reached = 0, outside = -1, i, j, k, n;
-    if (failed) *failed = -1;
-    if (!sound(@P@_limits_middle, c) || !finite_all(pose, 12)) return @GUARD@_NOT_A_NUMBER;
-    n = begin(pose, starts);
-    for (i = 0; i < n && count < @GUARD@_BRANCHES; i++) {
-        double *one = starts[i], before[JOINTS];
-        int bad;
-        into_limits(one);
-        if (newton(pose, c, one)) continue;
-        reached = 1;
-        memcpy(before, one, sizeof before);
-        bad = into_limits(one);
-        if (bad < 0 && memcmp(before, one, sizeof before) && newton(pose, c, one)) continue; /* effects may change by a turn */
-        if (bad >= 0) {
-            if (outside < 0) outside = bad;
-            continue;
-        }
-        for (j = 0; j < count; j++) {
-            double far = 0.0;
-            for (k = 0; k < JOINTS; k++) far = fmax(far, fabs(q[j][k] - one[k]));
-            if (far < 1e-6) break;
-        }
-        if (j == count) memcpy(q[count++], one, sizeof q[0]);
+/* Whether the closed loop of its drive assembles neither at a posture nor beside it. */
+static int open_about(const @P@_conditions *c, const double *q) {
+    double pose[12], one[JOINTS];
+    int k;
+    if (forward(q, c, pose) != @GUARD@_OPEN) return 0;
+    for (k = 0; k < 2 * JOINTS; k++) {
+        memcpy(one, q, sizeof one);
+        one[k / 2] += k % 2 ? 0.05 : -0.05;
+        if (forward(one, c, pose) != @GUARD@_OPEN) return 0;
     }
-    if (count) return count;
-    if (failed) *failed = outside;
+    return 1;
+}
+
+/* Whether two postures are one, whole turns aside. */
+static int alike(const double *a, const double *b) {
+    double far = 0.0;
+    int k;
+    for (k = 0; k < JOINTS; k++) {
+        const double off = a[k] - b[k];
+        far = fmax(far, fabs(slides[k] ? off : off - TWO_PI * floor(off / TWO_PI + 0.5)));
+    }
+    return far < 1e-6;
+}
+
+int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double q[@GUARD@_BRANCHES][JOINTS], int *said) {
+    const @P@_conditions *c = conditions ? conditions : &unknown;
+    double starts[STARTS][JOINTS], found[2 * STARTS][JOINTS];
+    int sure[STARTS], count = 0, reached = 0, outside = -1, near = 0, all, i, j, n, again;
+    if (said) *said = -1;
+    if (!sound(@P@_limits_middle, c) || !finite_all(pose, 12)) return @GUARD@_NOT_A_NUMBER;
+    n = begin(pose, starts, &near);
+    for (i = 0; i < n; i++) sure[i] = 0;
+    for (again = 0; again <= (n > EACH ? 0 : AGAIN); again++)
+        for (i = 0; i < n && reached < 2 * STARTS && count < @GUARD@_BRANCHES; i++) {
+            double one[JOINTS], before[JOINTS];
+            int bad;
+            if (sure[i]) continue;
+            memcpy(one, starts[i], sizeof one);
+            if (again && !beside(again, c, one)) continue;
+            into_limits(one);
+            if (!again && (sure[i] = open_about(c, one))) continue;
+            if (newton(pose, c, one)) continue;
+            memcpy(before, one, sizeof before);
+            bad = into_limits(one);
+            if (bad < 0 && memcmp(before, one, sizeof before) && newton(pose, c, one)) continue; /* effects may change by a turn */
+            for (j = 0; j < reached && !alike(found[j], one); j++) {}
+            if (j < reached) continue;
+            memcpy(found[reached++], one, sizeof one);
+            if (!again) sure[i] = regular(c, one), memcpy(starts[i], one, sizeof one);
+            if (bad < 0) memcpy(q[count++], one, sizeof one);
+            if (bad >= 0 && outside < 0) outside = bad;
+        }
+    for (all = WHOLE && !near, i = 0; i < n; i++) all = all && sure[i];
+    if (said) *said = !count ? outside : all ? @GUARD@_ALL : @GUARD@_MAY_BE_MORE;
+    if (count || (WHOLE && !all)) return count;
     return reached ? @GUARD@_OUT_OF_LIMITS : @GUARD@_OUT_OF_REACH;
 }
 
@@ -296,12 +322,12 @@ static void add(double moved[3][RANK], const double *v, int parameter) {
 int @P@_uncertainty(const double q[JOINTS], const @P@_conditions *conditions, const double point[3], double covariance[9], double *outside) {
     const @P@_conditions *c = conditions ? conditions : &unknown;
     walk_t w;
-    double moved[3][RANK], J[6 * JOINTS], pose[12], tip[3], arm[3], v[3], growth;
+    double moved[3][RANK], tip[3], arm[3], v[3], growth;
     int state, a, b, f, k, r;
     if (!sound(q, c) || !finite_all(point, 3)) return @GUARD@_NOT_A_NUMBER;
     if (!told(c)) return @GUARD@_UNKNOWN;
     state = walk(q, c, &w);
-    if (state || (state = differential(q, c, pose, J))) return state;
+    if (state) return state;
     memset(moved, 0, sizeof moved);
     for (a = 0; a < 3; a++) tip[a] = w.pose[4 * a + 3] + dot(w.pose + 4 * a, point);
     for (f = 0; f < FRAMES; f++)
@@ -318,16 +344,13 @@ int @P@_uncertainty(const double q[JOINTS], const @P@_conditions *conditions, co
     }
     growth = 1.0 + @GROWTH@ * beyond(q);
     if (outside) *outside = sqrt(beyond(q));
-    for (a = 0; a < 3; a++) arm[a] = tip[a] - pose[4 * a + 3];
     for (a = 0; a < 9; a++) covariance[a] = a % 4 ? 0.0 : @MODEL_VARIANCE@;
     for (a = 0; a < 3; a++)
         for (b = 0; b < 3; b++)
             for (r = 0; r < RANK; r++) covariance[3 * a + b] += moved[a][r] * moved[b][r];
     for (k = 0; k < JOINTS; k++) {
-        double spin[3];
-        for (a = 0; a < 3; a++) spin[a] = J[(3 + a) * JOINTS + k];
-        cross(spin, arm, v);
-        for (a = 0; a < 3; a++) v[a] = joint_error[k] * (v[a] + J[a * JOINTS + k]);
+        along(&w, k, tip, v);
+        for (a = 0; a < 3; a++) v[a] *= joint_error[k];
         for (a = 0; a < 9; a++) covariance[a] += v[a / 3] * v[a % 3];
     }
     for (a = 0; a < 9; a++) covariance[a] *= growth;

@@ -28,6 +28,12 @@ enum {
     @GUARD@_UNKNOWN = -5        /* an uncertainty depends on conditions that were not given */
 };
 
+/* What @P@_inverse says beside postures. */
+enum {
+    @GUARD@_ALL = -1,        /* there are no others */
+    @GUARD@_MAY_BE_MORE = -2 /* some may be missing */
+};
+
 /* How a pose is reached, where the calibration knows what follows from it; everything unknown by a null pointer. */
 typedef struct {
     double approach[@JOINTS@]; /* way in which each joint turned last: 1 up, -1 down, 0 unknown */
@@ -48,9 +54,10 @@ int @P@_jacobian(const double q[@JOINTS@], const @P@_conditions *conditions, dou
 /* Joints near a start whose tool is at a pose, to 1e-10 m; in q the closest that was found where it is not reached. */
 int @P@_inverse_near(const double pose[12], const @P@_conditions *conditions, const double start[@JOINTS@], double q[@JOINTS@]);
 
-/* All postures that reach a pose inside the limits; returns how many, or why there is none.
- * failed, if not null: number of the first joint that keeps a posture from the limits, or -1. @INVERSE@ */
-int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double q[@GUARD@_BRANCHES][@JOINTS@], int *failed);
+/* Postures that reach a pose inside the limits, each once: whole turns of a joint aside, of which the nearest to the middle of
+ * its limits is given. Returns how many, 0 if none was found and some may be missing, or why there is none. said, if not null:
+ * with postures ALL or MAY_BE_MORE; else the number of the first joint that keeps a posture from the limits, or -1. @INVERSE@ */
+int @P@_inverse(const double pose[12], const @P@_conditions *conditions, double q[@GUARD@_BRANCHES][@JOINTS@], int *said);
 
 /* Covariance (3 by 3, metres squared, the base's axes) of a point fixed to the tool (in the tool, metres) about where it is
  * predicted, what geometry leaves at a single pose included; to @PACKED@ of its standard deviations.

@@ -7,14 +7,14 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from taskcal.arguments import as_kind
+from taskcal.arguments import as_kind, joints_checked
 from taskcal.errors import TaskcalError, UnknownName, shown
 from taskcal.kernels.chain import ErrorFrame, Fixed, Joint, Step
-from taskcal.plugins import load_plugins, state_faults
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.joint_side import Shift
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import Load
+from taskcal_groundwork.plugins import load_plugins, state_faults
 
 # Every effect that is defined, by the key people name it by and by the name files know it by.
 
@@ -152,6 +152,7 @@ Basis = Callable[[np.ndarray], np.ndarray]
 ConditionedBasis = Callable[[np.ndarray, Conditions], np.ndarray]
 
 
+@joints_checked
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinearTerm:
     """A joint-side term that is linear in its parameters."""
@@ -260,6 +261,7 @@ _SHOWN: Mapping[Quantity, str] = {
 """What a campaign may tell of its rows beside joints and points: the fields of `Conditions`."""
 
 
+@joints_checked
 @dataclass(frozen=True, kw_only=True)
 class Effect:
     """Base class of all effects.
@@ -295,6 +297,7 @@ class Effect:
             TaskcalError: it has no key or label of its own, it needs what no campaign tells, or its names are taken.
         """
         super().__init_subclass__(**others)
+        joints_checked(cls)
         if abstract:
             return
         for name, example in (("key", cls.__name__.lower()), ("label", "what tables call it")):

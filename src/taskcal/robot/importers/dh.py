@@ -1,5 +1,8 @@
 """Robots from Denavit–Hartenberg tables in CSV files."""
 
+import ast
+import itertools
+import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +18,7 @@ from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import MAX_JOINTS, robot_from
 from taskcal.tables.forms import read_csv
-from taskcal.tables.table import Table
+from taskcal.tables.table import NUMBER, Table, number_of
 
 # Whether the numbers of a Denavit–Hartenberg table are in the units of its columns, as far as they tell.
 
@@ -116,7 +119,7 @@ def _largest(values: Float[np.ndarray, "rows columns"]) -> tuple[int, int]:
 # Columns of Denavit–Hartenberg tables as people name them, with their units stated or told by size.
 
 SYNONYMS = {
-    "joint": ("joint", "i", "axis", "link", "no", "no.", "#", "joint i", "link i"),
+    "joint": ("joint", "i", "axis", "link", "no", "no.", "#", "joint i", "link i", "kinematics", "frame"),
     "alpha_deg": ("alpha", "α", "twist", "link twist"),
     "a_mm": ("a", "r", "link length"),
     "d_mm": ("d", "link offset"),
@@ -147,8 +150,80 @@ _HEADER = re.compile(
 _SUBSCRIPT = re.compile(r"[\s_]+(?:i|\{i\}|\{?i ?- ?1\}?)$")
 """Behind the name of a parameter, as textbooks have it: that of the joint or of the one before."""
 
-_VARIABLE = re.compile(r"\s*(?:θ|theta|q)[\s_]*\d*\*?\s*(?P<offset>[+\-−]\s*\d+(?:\.\d+)?)?\s*°?\s*", re.IGNORECASE)
-"""A joint's angle by its letter, with what is added to it."""
+_DYNAMICS = re.compile(r"dynamics|mass\b.*|cent(?:er|re) of (?:mass|gravity)\b.*|co[mg]\b.*|inertia\b.*", re.IGNORECASE)
+"""Columns beside the dimensions, as makers print them, which a table's robot has no use for."""
+
+# Cells that are no plain numbers: sums, parts of π, a joint's angle by its letter.
+
+_VARIABLE = re.compile(r"(?P<sign>^|[+-])(?:θ|ϑ|theta|q)_?\{?(?P<number>\d*)\}?\*?(?=$|[+-])", re.IGNORECASE)
+"""A joint's angle by its letter, in a cell without blanks."""
+
+_EXPRESSION = re.compile(r"(?:[\d.+\-*/()π]|pi|(?<=\d)e(?=[+-]?\d)){1,60}", re.IGNORECASE)
+"""A sum, product or part of numbers and π."""
+
+_PARTED = re.compile(r"[\d.]\s+[\d.]")
+"""Two numbers with nothing but a blank between them."""
+
+_PI = re.compile(r"π|pi", re.IGNORECASE)
+
+
+def _plain(cell: str) -> str:
+    """A cell without blanks, and with the minus sign of programs."""
+    return re.sub(r"[−–‒]", "-", re.sub(r"\s", "", cell))
+
+
+def _evaluated(cell: str) -> str:
+    """The number that an expression is, as text; any other text as it is."""
+    text = _plain(cell)
+    if (
+        NUMBER.fullmatch(cell)
+        or _PARTED.search(cell)
+        or not _EXPRESSION.fullmatch(text)
+        or "**" in text
+        or "//" in text
+    ):
+        return cell
+    spelled = re.sub(r"(?<=[\d.)])(?=pi|\()", "*", _PI.sub("pi", text))
+    try:
+        return repr(_value(ast.parse(spelled, mode="eval").body))
+    except (SyntaxError, ArithmeticError, KeyError, RecursionError):
+        return cell
+
+
+_OPERATIONS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.UAdd: operator.pos, ast.USub: operator.neg,
+}  # fmt: skip
+
+
+def _value(node: ast.expr) -> float:
+    """The number that a parsed expression is.
+
+    Raises:
+        KeyError: it holds what is no number, π or sum, product or part of these.
+        ArithmeticError: it has none.
+    """
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id="pi"):
+            return np.pi
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OPERATIONS[type(op)](_value(left), _value(right))
+        case ast.UnaryOp(op=op, operand=operand):
+            return _OPERATIONS[type(op)](_value(operand))
+        case _:
+            raise KeyError(type(node))
+
+
+def _variable(cell: str) -> tuple[int | None, str] | None:
+    """Number of a joint whose angle a cell writes by its letter, if it has one, and what is added; None of any other cell."""
+    text = _plain(cell).replace("°", "")
+    found = list(_VARIABLE.finditer(text))
+    if len(found) != 1 or _PARTED.search(cell) or found[0]["sign"] == "-":
+        return None
+    rest = text[: found[0].start()] + text[found[0].end() :]
+    return int(found[0]["number"]) if found[0]["number"] else None, rest or "0"
 
 
 @dataclass(frozen=True)
@@ -173,7 +248,8 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     """
     stated = _stated(units)
     columns = [_column(header) for header in table.header]
-    table = _without_variables(table, columns)
+    written = table
+    table, columns = _without_variables(table, columns)
     names = [column.stands_for for column in columns]
     if twice := repeated(names):
         both = " and ".join(f"'{shown(c.header, 40)}'" for c in columns if c.stands_for == twice[0])
@@ -192,6 +268,8 @@ def in_own_terms(table: Table, units: str | None = None) -> tuple[Table, tuple[s
     cells = [list(row) for row in table.rows]
     for k, column in enumerate(columns):
         unit = column.unit or (length if column in lengths else angle if column in angles else None)
+        if unit != "rad" and column.stands_for in (*ANGLES, *LIMITS):
+            _refuse_pi(written, column)
         if unit is not None and TO_FILE[unit] != 1.0:
             for row, value in enumerate(_numbers(table, column)):
                 cells[row][k] = "" if np.isnan(value) else repr(float(value) * TO_FILE[unit])
@@ -222,16 +300,105 @@ def _column(header: str) -> _Column:
     return _Column(header, header, None)
 
 
-def _without_variables(table: Table, columns: Sequence[_Column]) -> Table:
-    """Offsets alone in place of a joint's angle written as ``θ2 - 90``."""
+def _without_variables(table: Table, columns: Sequence[_Column]) -> tuple[Table, list[_Column]]:
+    """Offsets alone in place of a joint's angle written as ``θ2 - π/2``, and numbers in place of sums and parts of π.
 
-    def offset(cell: str) -> str:
-        match = _VARIABLE.fullmatch(cell)
-        return cell if match is None else re.sub(r"\s", "", match["offset"] or "0").replace("−", "-")
+    Of a column of joints' angles beside one of their offsets only the latter is left.
+    """
 
-    at = {k for k, column in enumerate(columns) if column.stands_for == "theta_offset_deg"}
-    rows = tuple(tuple(offset(cell) if k in at else cell for k, cell in enumerate(row)) for row in table.rows)
-    return replace(table, rows=rows)
+    def mended(cell: str, column: _Column) -> str:
+        if column.stands_for not in (*LENGTHS, *ANGLES, *LIMITS):
+            return cell
+        by_letter = _variable(cell) if column.stands_for == "theta_offset_deg" else None
+        return _evaluated(cell if by_letter is None else by_letter[1])
+
+    rows = [tuple(map(mended, row, columns)) for row in table.rows]
+    kept = list(range(len(columns)))
+    angles = [k for k in kept if columns[k].stands_for == "theta_offset_deg"]
+    if len(angles) == 2:
+        by_letter = [k for k in angles if any(map(_variable, table.texts(columns[k].header)))]
+        bare = [k for k in by_letter if not any(_is_not_zero(row[k]) for row in rows)]
+        kept = [k for k in kept if k not in bare[:1]]
+    table = replace(
+        table, header=tuple(table.header[k] for k in kept), rows=tuple(tuple(row[k] for k in kept) for row in rows)
+    )
+    return table, [columns[k] for k in kept]
+
+
+def _is_not_zero(cell: str) -> bool:
+    return bool(cell) and number_of(cell) != 0.0
+
+
+def _refuse_pi(table: Table, column: _Column) -> None:
+    """See that angles in degrees have no π in them.
+
+    Raises:
+        FileError: one has.
+    """
+    for row, cell in enumerate(table.texts(column.header)):
+        if _PI.search(_plain(cell)):
+            raise table.error(
+                f"'{shown(cell)}' is in radians, and its column is read in degrees; write all angles in one unit, and name it in "
+                "the header",
+                row,
+                column.header,
+            )
+
+
+# Which rows are joints, and which are fixed parts behind them.
+
+_FIXED = re.compile(
+    r"(?:robot )?(?:flange|flansch|tool(?: ?0)?|tcp|ee|eef|end[ -]?effector|hand|gripper|fixed)(?: frame)?",
+    re.IGNORECASE,
+)
+"""Names of rows that no joint has."""
+
+_NUMBERED = re.compile(r"(?:(?:joint|axis|achse|gelenk|link|[jaqθ])[\s_-]*)?\d+", re.IGNORECASE)
+_SPOKEN_NUMBER = re.compile(r"(?:joint|axis|achse|gelenk|link)[\s_-]*(\d+)", re.IGNORECASE)
+
+
+def _are_joints(table: Table) -> list[bool]:
+    """Whether each row of a table is of a joint; the others are fixed parts.
+
+    Raises:
+        FileError: a row is neither clearly, or joints' angles are not numbered in the order of the rows.
+    """
+    columns = [_column(header) for header in table.header]
+    texts = {
+        name: [table.texts(column.header) for column in columns if column.stands_for == name]
+        for name in ("joint", "theta_offset_deg", "type")
+    }
+    count = len(table)
+    names = texts["joint"][0] if texts["joint"] else [""] * count
+    types = texts["type"][0] if texts["type"] else [""] * count
+    angles = [next(filter(None, map(_variable, cells)), None) for cells in zip(*texts["theta_offset_deg"], strict=True)]
+    angles = angles or [None] * count
+    by_letter, numbered = any(angles), any(_NUMBERED.fullmatch(name) for name in names)
+    out: list[bool] = []
+    for row, (name, kind, angle) in enumerate(zip(names, types, angles, strict=True)):
+        fixed = kind.casefold() == "fixed" or _FIXED.fullmatch(name) is not None
+        is_joint = angle is not None or (not fixed and (bool(kind) or _NUMBERED.fullmatch(name) is not None))
+        if not fixed and not is_joint:
+            # of rows that are all named, or not at all
+            fixed, is_joint = by_letter and numbered, not by_letter and not numbered
+        without_angle = by_letter and angle is None and kind.casefold() != "prismatic"
+        if fixed == is_joint or (is_joint and without_angle):
+            angle_too = ", with θ and its number for its angle," if by_letter else ""
+            message = (
+                f"the row '{shown(name or str(row + 1), 40)}' is neither clearly a joint nor clearly a fixed part: call a joint by "
+                f"its number{angle_too} and a fixed part Flange"
+            )
+            raise table.error(message, row)
+        out.append(is_joint)
+    if len({angle[0] - row for row, angle in enumerate(angles) if angle is not None and angle[0] is not None}) > 1:
+        message = "the joints' angles are not numbered in the order of the rows; write a row for each joint, in order"
+        raise table.error(message)
+    if sum(out) > MAX_JOINTS:
+        raise FileError(table.path, f"has {sum(out)} rows, one for each joint; a robot has up to {MAX_JOINTS}")
+    if out != sorted(out, reverse=True):
+        message = "is a fixed part before a joint, which a table has none of; write the robot file, with its steps"
+        raise table.error(message, out.index(False))
+    return out
 
 
 def _numbers(table: Table, column: _Column) -> Float[np.ndarray, " rows"]:
@@ -299,6 +466,10 @@ def describe_dh_table(
     Columns may be called otherwise, such as ``alpha [rad]``, ``r`` or ``theta``. Where a unit is not stated, it is told by the
     size of the numbers, which the robot's ``source`` then says.
 
+    Cells may be sums and parts of π (``-π/2``), and a joint's angle its letter with what is added (``θ2 - π/2``). Rows behind the
+    last joint that are called ``Flange`` or the like, or have a number where the joints' angles are letters, are fixed parts: the
+    robot's flange and tool. Masses and their centres are left out.
+
     Optional columns: ``theta_from_controller``, a linear expression in joint names such as -(J2+J3); ``type``,
     revolute or prismatic; ``lower_deg`` and ``upper_deg``, limits.
 
@@ -310,25 +481,27 @@ def describe_dh_table(
 
     Raises:
         FileError: a column is missing or unknown, or a cell is not what its column holds, or is in another unit, or a unit is
-            neither stated nor told by size.
+            neither stated nor told by size, or a row is neither clearly a joint nor clearly fixed.
         UnknownName: a convention that does not exist.
     """
     if convention.lower() not in get_args(Convention):
         raise UnknownName("convention", convention, get_args(Convention), "of Denavit–Hartenberg tables")
     rows = read_csv(path)
-    if len(rows) > MAX_JOINTS:
-        raise FileError(rows.path, f"has {len(rows)} rows, one for each joint; a robot has up to {MAX_JOINTS}")
+    are_joints = _are_joints(rows)
     before = next((name for name in rows.header if re.search(r"i ?- ?1", name)), None)
     if before is not None and convention.lower() == "dh":
         message = (
             f"'{shown(before, 40)}' is of the joint before, as modified tables have it; import it with --convention mdh"
         )
         raise FileError(rows.path, message, line=1)
-    table, told = in_own_terms(rows, units)
+    table, told = in_own_terms(_without_dynamics(rows, are_joints), units)
+    if left := [name for name in rows.header if _DYNAMICS.fullmatch(name.strip())]:
+        told = (*told, f"{shown(', '.join(left))} left out")
     columns = table
     joint_names = columns.texts("joint")
     numbers = {column: columns.numbers(column) for column in _NUMBERS}
     given = {column: columns.texts(column) for column in _OPTIONAL if column in columns}
+    stated = {column: texts for column, texts in given.items() if column not in LIMITS}
     columns.refuse_unused(f"a table has the columns {', '.join(('joint', *_NUMBERS, *_OPTIONAL))}")
     if not len(columns):
         raise columns.error("has no joints; give a line for each")
@@ -337,7 +510,10 @@ def describe_dh_table(
     check_units(columns)
     limits = columns.side_by_side(LIMITS, empty=True) if "lower_deg" in columns else np.full((len(columns), 2), np.nan)
     joints: list[dict[str, Any]] = []
-    for i, text in enumerate(joint_names):
+    _refuse_more_of_fixed(columns, stated, limits, sum(are_joints))
+    for i, text in enumerate(joint_names[: sum(are_joints)]):
+        spoken = _SPOKEN_NUMBER.fullmatch(text)
+        text = spoken[1] if spoken else text
         joint: dict[str, Any] = {"name": f"J{text}" if text.isdigit() else text}
         if "type" in given and given["type"][i]:
             joint["type"] = given["type"][i]
@@ -352,11 +528,58 @@ def describe_dh_table(
     path = columns.path
     source = [f"imported from {printable(path.name)}", *told]
     described = {"name": name or printable(path.stem), "source": source, "joint": joints}
+    of_rows = zip(*(numbers[column].tolist() for column in _NUMBERS), strict=True)
+    fixed = [_steps(convention, *row) for row in list(of_rows)[len(joints) :]]
+    if steps := [*itertools.chain(*fixed)]:
+        described |= {"tool": steps, "flange": steps}
     try:
         robot_from(described)
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
     return described
+
+
+def _refuse_more_of_fixed(
+    columns: Table, given: Mapping[str, Sequence[str]], limits: Float[np.ndarray, "rows 2"], first: int
+) -> None:
+    """See that fixed rows have nothing that only joints have.
+
+    Raises:
+        FileError: one has.
+    """
+    for row in range(first, len(columns)):
+        if np.isfinite(limits[row]).any() or any(texts[row] for texts in given.values()):
+            raise columns.error(
+                "the row is a fixed part, which has no limits, type or angle; leave these cells empty", row
+            )
+
+
+def _without_dynamics(table: Table, are_joints: Sequence[bool]) -> Table:
+    """The table without masses and the like; fixed parts without an angle have zero, and no type."""
+    kept = [k for k, name in enumerate(table.header) if not _DYNAMICS.fullmatch(name.strip())]
+    columns = [_column(table.header[k]) for k in kept]
+
+    def cell(text: str, column: _Column, is_joint: bool) -> str:
+        if is_joint:
+            return text
+        if column.stands_for == "type" and text.casefold() == "fixed":
+            return ""
+        return "0" if column.stands_for == "theta_offset_deg" and text in ("", "-", "–", "—") else text
+
+    rows = tuple(
+        tuple(cell(row[k], column, is_joint) for k, column in zip(kept, columns, strict=True))
+        for row, is_joint in zip(table.rows, are_joints, strict=True)
+    )
+    return replace(table, header=tuple(table.header[k] for k in kept), rows=rows)
+
+
+def _steps(convention: str, alpha_deg: float, a_mm: float, d_mm: float, theta_deg: float) -> list[dict[str, float]]:
+    """The steps of a fixed row."""
+    along_z = [{"rz_deg": theta_deg}, {"tz_mm": d_mm}]
+    steps = [*along_z, {"tx_mm": a_mm}, {"rx_deg": alpha_deg}]
+    if convention.lower() == "mdh":
+        steps = [{"rx_deg": alpha_deg}, {"tx_mm": a_mm}, *along_z]
+    return [step for step in steps if any(step.values())]
 
 
 def _limits(columns: Table, limits: Float[np.ndarray, "rows 2"], row: int, *, slides: bool) -> list[float]:
@@ -391,7 +614,7 @@ def _described(path: Path, options: Mapping[str, Any]) -> dict[str, Any]:
 
 DH_TABLE = RobotImporter(
     name="Denavit–Hartenberg table",
-    suffixes=(".csv", ".txt"),
+    suffixes=(".csv", ".tsv", ".txt"),
     options=("convention", "units"),
     describe=_described,
     whole=False,

@@ -1,7 +1,8 @@
-"""Robots from Universal Robots' own files: the kinematics YAML of the ROS driver, and the controller's calibration.conf."""
+"""Robots from Universal Robots' own files: the kinematics YAML of the ROS driver, calibration.conf, and programs (.urp)."""
 
 import math
 import re
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from taskcal.errors import FileError, TaskcalError, printable, shown
 from taskcal.geometry import se3
-from taskcal.io.text_file import read_text
+from taskcal.io.text_file import read_bytes, read_text
 from taskcal.robot.importers.base import RobotImporter
 from taskcal.robot.importers.urdf import steps_of
 from taskcal.robot.robot import Robot
@@ -22,6 +23,15 @@ PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
 MAX_SIZE_MB = 0.1
 MAX_NUMBER = 1e3
 """Metres and radians; calibrated tables have d of hundreds of metres."""
+
+URP_HEAD_BYTES = 100_000
+"""Of an unpacked program: its kinematics stand in the first thousand."""
+
+_KINEMATICS = re.compile(r'<kinematics\s[^>]*\bstatus="(?P<status>\w*)"[^>]*>(?P<inside>.*?)</kinematics>', re.DOTALL)
+"""Of the controller on which a program was saved; waypoints have theirs as ``Kinematics``."""
+_LINEARIZED = "LINEARIZED"
+"""Status of kinematics that the factory measured; ``NOT_INITIALIZED`` and ``NOT_LINEARIZED`` are those of no arm."""
+_VALUES = re.compile(r'<(?P<key>deltaTheta|a|d|alpha)\s+value="(?P<values>[^"]*)"')
 
 _LINE = re.compile(r"(?P<indent> *)(?P<key>[A-Za-z_][\w]*):(?:\s+(?P<value>[^#]*?))?\s*(?:#.*)?")
 _ROW = re.compile(r"\s*(?P<key>(?:delta_)?(?:theta|a|d|alpha))\s*=\s*\[(?P<values>[^\]]*)\]\s*")
@@ -82,10 +92,64 @@ def _places(path: Path) -> dict[str, dict[str, float]]:
     return places
 
 
+def arm_rows(path: str | Path) -> dict[str, list[float]]:
+    """Rows of an arm's table, metres and radians: ``a``, ``d``, ``alpha`` and ``theta``, or ``delta_a`` … to add to a nominal one.
+
+    Args:
+        path: ``calibration.conf`` or ``urcontrol.conf`` of a UR's controller, or a program of PolyScope (``.urp``).
+
+    Raises:
+        FileError: a row has not six numbers; or the program was not saved on an arm whose kinematics were measured.
+    """
+    path = Path(path)
+    return _rows_of_program(path) if path.suffix.lower() == ".urp" else _rows_of_conf(path)
+
+
+def _rows_of_conf(path: Path) -> dict[str, list[float]]:
+    rows: dict[str, list[float]] = {}
+    text = read_text(path, MAX_SIZE_MB, otherwise="is not UTF-8 text; a controller's files are")
+    for number, line in enumerate(text.split("\n"), start=1):
+        match = _ROW.fullmatch(line.partition("#")[0])
+        if match is not None:
+            rows[match["key"]] = _row(path, match["key"], match["values"], number)
+    return rows
+
+
+def _rows_of_program(path: Path) -> dict[str, list[float]]:
+    try:
+        head = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(read_bytes(path), URP_HEAD_BYTES)
+    except zlib.error as error:
+        raise FileError(path, "is not packed as programs of PolyScope (.urp) are") from error
+    stated = _KINEMATICS.search(head.decode("utf-8", "replace"))
+    if stated is None:
+        raise FileError(
+            path, "states no kinematics; save the program on the robot's controller, or use its calibration.conf"
+        )
+    if stated["status"] != _LINEARIZED:
+        raise FileError(
+            path,
+            f"was saved where the arm's kinematics are not known (status '{shown(stated['status'], 40)}'); save it on the robot's "
+            "controller, or use its calibration.conf",
+        )
+    rows = {m["key"]: _row(path, m["key"], m["values"], None) for m in _VALUES.finditer(stated["inside"])}
+    if len(rows) < 4:
+        raise FileError(
+            path, f"states no whole table of the arm: deltaTheta, a, d and alpha, but {', '.join(rows) or 'none'}"
+        )
+    return {"theta" if key == "deltaTheta" else key: row for key, row in rows.items()}
+
+
+def _row(path: Path, key: str, text: str, line: int | None) -> list[float]:
+    values = [_number(path, word, line) for word in text.split(",") if word.strip()]
+    if len(values) != len(JOINTS):
+        raise FileError(path, f"{key} has {len(values)} numbers; a UR has {len(JOINTS)} joints", line=line)
+    return values
+
+
 def describe_calibration_conf(
     path: str | Path, nominal: Robot | None = None, name: str | None = None
 ) -> dict[str, Any]:
-    """A robot file's content from ``calibration.conf`` of a UR's controller, or the tables of its ``urcontrol.conf``.
+    """A robot file's content from ``calibration.conf`` of a UR's controller, the tables of its ``urcontrol.conf``, or a ``.urp``.
 
     Args:
         path: the file; metres and radians, as the controller writes them.
@@ -96,18 +160,7 @@ def describe_calibration_conf(
         FileError: rows are lacking or have not six numbers, or it has deltas only and no nominal robot is named.
     """
     path = Path(path)
-    rows: dict[str, list[float]] = {}
-    text = read_text(path, MAX_SIZE_MB, otherwise="is not UTF-8 text; a controller's files are")
-    for number, line in enumerate(text.split("\n"), start=1):
-        match = _ROW.fullmatch(line.partition("#")[0])
-        if match is None:
-            continue
-        values = [_number(path, word, number) for word in match["values"].split(",") if word.strip()]
-        if len(values) != len(JOINTS):
-            raise FileError(
-                path, f"{match['key']} has {len(values)} numbers; a UR has {len(JOINTS)} joints", line=number
-            )
-        rows[match["key"]] = values
+    rows = arm_rows(path)
     table = _table_of(path, rows, nominal)
     joints: list[dict[str, Any]] = []
     for i in range(len(JOINTS)):
@@ -149,6 +202,8 @@ def _table_of(path: Path, rows: dict[str, list[float]], nominal: Robot | None) -
     else:
         if not deltas:
             raise FileError(path, "has no deltas (delta_a = […]) to add to a nominal robot")
+        if missing := [key for key in ("delta_theta", "delta_a", "delta_d", "delta_alpha") if key not in deltas]:
+            raise FileError(path, f"has no row '{missing[0]} = […]', but other deltas; is the file whole?")
         described = nominal.description["joint"]
         if len(described) != len(JOINTS) or any("dh" not in joint for joint in described):
             raise TaskcalError(
@@ -164,7 +219,7 @@ def _table_of(path: Path, rows: dict[str, list[float]], nominal: Robot | None) -
     return {key: value + np.array(deltas.get(f"delta_{key}", [0.0] * 6)) for key, value in own.items()}
 
 
-def _number(path: Path, text: str, line: int) -> float:
+def _number(path: Path, text: str, line: int | None) -> float:
     try:
         value = float(text) if text.isascii() and "_" not in text else math.nan
     except ValueError:
@@ -182,7 +237,7 @@ KINEMATICS = RobotImporter(
 
 CALIBRATION_CONF = RobotImporter(
     name="UR's calibration",
-    suffixes=(".conf",),
+    suffixes=(".conf", ".urp"),
     options=("nominal",),
     describe=lambda path, options: describe_calibration_conf(path, **options),
     whole=False,

@@ -11,7 +11,7 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import FileError, TaskcalError, UnknownName, printable, shown
+from taskcal.errors import FileError, TaskcalError, UnknownName, listed, printable, shown
 from taskcal.geometry import se3
 from taskcal.io.xml_file import Element, parse_xml, read_xml
 from taskcal.robot.importers.base import RobotImporter
@@ -170,7 +170,7 @@ def _joined(path: Path, name: str, links: list[str], joints: list[UrdfJoint]) ->
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
-        named = ", ".join(f"'{shown(link, 40)}'" for link in roots[:4]) or "none, its joints go round in a circle"
+        named = listed((f"'{shown(link, 40)}'" for link in roots), 4) or "none, its joints go round in a circle"
         raise FileError(path, f"must have exactly one root link; found {named}")
     tree = UrdfTree(path=path, name=name, links=tuple(links), above=above)
     _see_a_tree(tree)
@@ -480,7 +480,7 @@ def choose_tip(tree: UrdfTree) -> str:
 
 
 def _listed(links: Sequence[str]) -> str:
-    return ", ".join(shown(link, 40) for link in links[:12]) + (", …" if len(links) > 12 else "")
+    return listed((shown(link, 40) for link in links), 12)
 
 
 def _has_its_motor(tree: UrdfTree, way: list[UrdfJoint]) -> bool:

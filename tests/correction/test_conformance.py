@@ -1,0 +1,123 @@
+"""Programs of the conformance set, corrected in every language: the true tool goes where the machine of the small language goes.
+
+The robots have defects, which a calibration knows; the joints to which their controllers go are Pinocchio's.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from robot_programs.tp.meaning import world_in_base
+from taskcal.correction.correct import correct
+from taskcal.correction.options import Bounds
+from tests.correction.by_pinocchio import defective, true_tool
+from tests.robot_programs.conformance.cases import C1, CASES, K1, UNWRITTEN, literal, loop, move, program, times, truth
+from tests.robot_programs.conformance.languages import LANGUAGES, RUNNING
+from tests.robot_programs.small_language import Statement
+
+FREE = Bounds(tolerance=1e-6, shift=0.05, turn=0.2)
+CASES_OF_WAYS = [
+    "points one after another", "one target of two motions", "shifted target", "target that is set", "array in a loop",
+    "pallet by a counter", "pallet by a condition", "pick and approach", "call in a loop", "frame by its number",
+    "tool by its number", "function of a target", "unknown condition that decides nothing",
+]  # fmt: skip
+"""One of each way in which numbers are written."""
+SPINNING = ("APT",)
+"""Languages that leave a rotation about the tool's axis to who drives the program, which the true tool's place depends on."""
+
+
+@cache
+def true_robot(language):
+    return defective(LANGUAGES[language].robot, np.radians(LANGUAGES[language].home))
+
+
+def begun(name):
+    """A robot with its chain, and the tool that is at the origin of programs where it begins."""
+    calibration, chain, home = true_robot(name)
+    robot = calibration.model.robot
+    world = world_in_base(robot) if name == "TP" else np.eye(4)
+    return calibration, chain, world, robot.T_flange_tool @ np.linalg.inv(chain.pose(home)) @ world
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [one for one in RUNNING if one[1] in CASES_OF_WAYS and one not in UNWRITTEN and one[0] not in SPINNING],
+)
+def test_the_true_tool_goes_where_the_machine_goes(name, case):
+    language, made = LANGUAGES[name], CASES[case]()
+    calibration, chain, world, tool = begun(name)
+    robot, home = calibration.model.robot, np.radians(language.home)
+    text = language.reading(language.written(made, tool, home=True), tool, robot)
+    done = truth(made)
+    wanted = np.array(sorted({p for line, places in done.went.items() if line not in done.decided for p in places}))
+
+    def true_places(moves):
+        goals = [one.flange(one.end.T) for one in moves if one.end.T is not None]
+        return [(true_tool(calibration, chain, T, home, tool) - world)[:3, 3] * 1e3 for T in goals]
+
+    found = correct(calibration, text, bounds=FREE)
+    assert not found.rejected
+    read = language.reading(found.sources, tool, robot).motions
+    ends = [one for one, (_, _, share) in zip(read, found.origin, strict=True) if share == 1.0]
+    off_before, off = (
+        np.array([np.linalg.norm(place - wanted, axis=1) for place in true_places(moves)])
+        for moves in (text.motions, ends)
+    )
+    assert off_before.min() > 0.5
+    assert off.min(axis=1).max() < 1e-3
+    assert set(off.argmin(axis=1)) == set(range(len(wanted)))
+
+
+@pytest.mark.parametrize("name", ["RAPID", "KRL", "URScript"])
+def test_shared_number_gets_the_value_of_least_largest_error(name):
+    """One target in three frames: one value where that is good enough, else the loop is written out."""
+    language, made = (
+        LANGUAGES[name],
+        program(loop("for", "c1", 3, Statement("set frame", ("x", times(C1, 15))), move(K1))),
+    )
+    calibration, _, _, tool = begun(name)
+    text = language.reading(language.written(made, tool, home=True), tool, calibration.model.robot)
+    found, exact = (correct(calibration, text, bounds=replace(FREE, tolerance=t)) for t in (2e-4, 1e-7))
+    mine, its = (
+        np.array(
+            [
+                at.flange(at.end.T)[:3, 3]
+                for at, (_, _, share) in zip(one.program.reread(one.sources).motions, one.origin, strict=True)
+                if at.end.T is not None and share == 1.0
+            ]
+        )
+        for one in (found, exact)
+    )
+    assert len(found.corrected) == len(exact.corrected) == len(text.motions) == 4
+    lines = [sum(source.text.count("\n") for source in one.sources) for one in (text, found, exact)]
+    assert lines[0] == lines[1] < lines[2]
+    apart = np.linalg.norm(mine - its, axis=1)
+    assert 1e-6 < apart.max() < 2e-4
+    # the ends of a line of three: half of what is between them is the least largest error
+    assert apart.max() < 0.55 * np.linalg.norm((mine - its)[0] - (mine - its)[2])
+
+
+@pytest.mark.parametrize("name", sorted(LANGUAGES.keys() - SPINNING))
+def test_lines_are_divided_in_the_text(name):
+    """What is written reads as the motions that were meant, in the postures of their joints."""
+    language, (calibration, _, _, tool) = LANGUAGES[name], begun(name)
+    robot, made = (
+        calibration.model.robot,
+        program(*(move(literal(*xyz)) for xyz in ((0, 0, 0), (150, 0, 0), (150, 90, 20)))),
+    )
+    text = language.reading(language.written(made, tool, home=True), tool, robot)
+    coarse = correct(calibration, text, bounds=replace(FREE, tolerance=1.0))
+    between = coarse.after.length[~coarse.after.at_target].max()
+    fine = correct(calibration, text, bounds=replace(FREE, tolerance=between / 5.0))
+    assert len(fine.motions) > len(coarse.motions) == len(text.motions)
+    again = language.reading(fine.sources, tool, robot)
+    assert [one.text for one in again.diagnostics] == [one.text for one in text.diagnostics]
+    for written, meant in zip(again.motions, fine.motions, strict=True):
+        assert (written.kind, written.follows) == (meant.kind, meant.follows)
+        if meant.end.T is not None:
+            np.testing.assert_allclose(written.end.T, meant.end.T, atol=4e-7)
+    whole, at = language.reading(coarse.sources, tool, robot).motions, coarse.before.at_target
+    for i, q in zip(coarse.before.move[at], coarse.before.q[at], strict=True):
+        assert whole[i].end.posture is None or whole[i].end.posture.agrees(robot, q[None])[0]
