@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help demo studio test test-quick test-long test-all fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest pythons release coverage mutants licences audit clean
+.PHONY: help demo studio test test-quick test-long test-all test-kernels fuzz browser lint format types layers docs bench bench-guard bench-smoke peers wheel-test oldest pythons release coverage cost mutants licences audit clean
 
 help:  ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -42,6 +42,12 @@ test-long: $(VENV)/.test  ## run the experiments, of minutes each, that a change
 
 test-all: $(VENV)/.test  ## run all tests and all experiments, but for those in a browser; an hour
 	$(BIN)/python -m pytest --numprocesses auto -m "not browser"
+
+# Folders whose results come from sums over all rows.
+KERNEL_TESTS ?= tests/estimation tests/identification tests/planning
+
+test-kernels: $(VENV)/.test  ## run the numerical tests under two other kernels of OpenBLAS, which round otherwise (tests/blas_kernels.py)
+	$(BIN)/python -m tests.blas_kernels --numprocesses auto --dist worksteal -m "not long and not realdata" $(KERNEL_TESTS)
 
 fuzz: $(VENV)/.test  ## damage some files of every kind at random, other ones than the tests do
 	$(BIN)/python -m tests.readers.fuzz
@@ -79,7 +85,7 @@ bench-smoke: $(VENV)/.test  ## run every benchmark once, untimed
 	else echo "no benchmarks yet"; fi
 
 # Of the installed package, what differs where the sources do not lie beside it: files it reads, commands, pages, processes of its own.
-WHEEL_TESTS ?= -m quick tests/public tests/cli tests/robot tests/studio tests/report
+WHEEL_TESTS ?= -m quick tests/public tests/cli tests/robot tests/taskcal_studio tests/report
 
 wheel-test: $(VENV)/.test  ## build sdist and wheel, install the wheel apart, run some tests against it; WHEEL_TESTS=tests for all
 	$(BIN)/python -m tests.installed_wheel --numprocesses auto --hypothesis-profile quick -p no:cacheprovider $(WHEEL_TESTS)
@@ -110,6 +116,11 @@ release: $(VENV)/.test  ## make a release up to the upload: VERSION=1.2.3; DRY=1
 
 coverage: $(VENV)/.test  ## which lines and branches which tests run, compiled kernels left out; page in build/coverage; half an hour
 	$(BIN)/python -m pytest --numprocesses auto --cov --cov-context=test --junitxml=build/coverage/tests.xml --cov-report=term:skip-covered --cov-report=html:build/coverage/page $(COVERAGE_TESTS)
+
+COST_TESTS ?= tests
+
+cost: $(VENV)/.test  ## run the tests, and show what they cost by folder, file, function and fixture; COST_TESTS= for some
+	$(BIN)/python -m tests.cost --numprocesses auto --dist worksteal $(COST_TESTS)
 
 MUTANTS ?= 200
 SEED ?= 0

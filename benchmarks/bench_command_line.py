@@ -7,8 +7,8 @@ from importlib import import_module
 
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.reading.writer import write_campaign
+from taskcal_demo.procedure import reference_task
 
 START = [sys.executable, "-c", "import numpy"]
 
@@ -60,5 +60,5 @@ def test_identify_against_start(race, model, campaign, tmp_path):
 def test_update_of_a_dragged_box_against_start(race, model):
     """What the studio computes each time while the task's box is dragged."""
     pytest.importorskip("nicegui")
-    weigh, task = import_module("taskcal.studio.pages.weight_page").weigh, reference_task()
+    weigh, task = import_module("taskcal_studio.pages.weight_page").weigh, reference_task()
     race("update of what matters", lambda: weigh(model, task), {"python -c 'import numpy'": runs(START)})

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from taskcal.demo.procedure import reference_task
 from taskcal.estimation.experiment_design import Candidates, choose
 from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, assumed_hyperparameters, design
 from taskcal.planning.experiment import make_experiment
 from taskcal.task.task import reach_task
+from taskcal_demo.procedure import reference_task
 
 
 @pytest.fixture(scope="module")

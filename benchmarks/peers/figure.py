@@ -1,6 +1,9 @@
 """Pictures of the documentation: the cost of a calibration by each peer and of Taskcal alone, and spreads of errors."""
 
+from io import BytesIO
 from typing import Any
+
+from pypdfium2 import PdfDocument
 
 from benchmarks.peers.measure import slope
 from benchmarks.peers.scaling import CHAIN_POSES
@@ -89,5 +92,8 @@ def draw_spreads(found: dict[str, dict[str, Any]], title: str) -> Figure:
 
 
 def as_png(figure: Figure, title: str) -> bytes:
-    """The picture of a chart; a browser makes the pixels."""
-    return draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "png")[title]
+    """The picture of a chart, two pixels for each of the page."""
+    sheet = draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "pdf")[title]
+    picture = BytesIO()
+    PdfDocument(sheet)[0].render(scale=2 * 96 / 72).to_pil().save(picture, "PNG", optimize=True)
+    return picture.getvalue()

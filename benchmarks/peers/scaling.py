@@ -57,7 +57,7 @@ class Passes:
         for size in blocks(n):
             rows = self.campaign(size)
             problem = problem_of(layout, rows, None)
-            equations = problem.equations(whitener(problem.noise), 0, 1.0)
+            equations = problem.equations(whitener(problem.noise))
             spent["sensitivities"] += self._sensitivities(rows.q, J[:size], once=n > BLOCK)
             spent["normal equations"] += best(lambda passed=equations: passed(z), once=n > BLOCK)
         return spent

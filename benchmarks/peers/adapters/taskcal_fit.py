@@ -34,7 +34,7 @@ def kernel(model, campaign) -> float:
     layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
     problem = problem_of(layout, campaign, None)
     deviations = np.concatenate([model.tolerances, np.full(9, 1.0)])
-    equations = problem.equations(whitener(problem.noise), 0, 1.0)
+    equations = problem.equations(whitener(problem.noise))
     start = layout.start()
     begin = time.process_time()
     fit(equations, start, start, np.diag(deviations**-2), np.minimum(deviations, 1e-3))
