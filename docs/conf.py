@@ -38,7 +38,7 @@ nitpick_ignore_regex = [("py:obj", ".*")]
 nitpick_ignore = [  # one class by two names: the library of programs raises it as InputError
     ("py:exc", "TaskcalError"),
     ("py:exc", "InputError"),
-    ("py:class", "robot_programs.core.errors.InputError"),
+    ("py:class", "taskcal_groundwork.errors.InputError"),
 ]
 
 html_theme = "furo"

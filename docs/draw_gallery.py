@@ -1,4 +1,4 @@
-"""Draw the pictures of the gallery anew: ``python docs/draw_gallery.py``. Needs Chromium, Chrome or Edge, and Pillow.
+"""Draw the pictures of the gallery anew: ``python docs/draw_gallery.py``. Needs Chromium, Chrome or Edge, Pillow and pypdfium2.
 
 It runs the commands that stand in ``gallery.md``, and keeps the figures that are shown there.
 """
@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 from PIL import Image
+from pypdfium2 import PdfDocument
 
 from taskcal.cli import main
 
@@ -17,6 +18,8 @@ DOCS = Path(__file__).parent
 GALLERY = DOCS / "gallery.md"
 WIDTH = 1000
 COLOURS = 128
+SCALE = 4.0
+"""Pixels for each point of a figure's sheet, before they are made fewer."""
 
 
 def task() -> str:
@@ -43,11 +46,11 @@ def draw() -> None:
         try:
             Path("task.toml").write_text(task(), encoding="utf-8")
             for words in commands():
-                if main(words):
+                if main([*words, *(["--figure-format", "pdf"] if "--figures" in words else [])]):
                     sys.exit(f"taskcal {' '.join(words)} failed")
             for name, file in pictures():
-                (found,) = Path("figures").glob(f"*{file}*.png")
-                image = Image.open(found).convert("RGB")
+                (found,) = Path("figures").glob(f"*{file}*.pdf")
+                image = PdfDocument(found)[0].render(scale=SCALE).to_pil().convert("RGB")
                 image = image.resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
                 image.quantize(COLOURS).save(DOCS / "_static" / name, optimize=True)
         finally:

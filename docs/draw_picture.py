@@ -1,6 +1,6 @@
 """Draw the pictures of README and documentation anew: ``python docs/draw_picture.py [error-over-angle|closed-loop|peers|scaling]``.
 
-Needs Chromium, Chrome or Edge, which makes pixels of the charts.
+Needs Chromium, Chrome or Edge, Pillow and pypdfium2, which make pixels of the charts.
 """
 
 import json
