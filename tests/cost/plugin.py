@@ -7,12 +7,14 @@ import os
 import resource
 import time
 from collections.abc import Callable, Generator, Mapping
-from typing import Any, NamedTuple
+from dataclasses import astuple, dataclass
+from typing import Any
 
 import pytest
 
 
-class Cost(NamedTuple):
+@dataclass(frozen=True)
+class Cost:
     """Seconds."""
 
     own: float = 0.0
@@ -21,8 +23,11 @@ class Cost(NamedTuple):
     """Of the processor, in processes that the test started and waited for."""
     wall: float = 0.0
 
-    def __add__(self, other: "Cost") -> "Cost":  # type: ignore[override]
-        return Cost(*(a + b for a, b in zip(self, other, strict=True)))
+    def __add__(self, other: "Cost") -> "Cost":
+        return Cost(self.own + other.own, self.children + other.children, self.wall + other.wall)
+
+    def __sub__(self, other: "Cost") -> "Cost":
+        return Cost(self.own - other.own, self.children - other.children, self.wall - other.wall)
 
     @classmethod
     def now(cls) -> "Cost":
@@ -32,7 +37,7 @@ class Cost(NamedTuple):
 
     def since(self) -> "Cost":
         """From then to now."""
-        return Cost(*(b - a for a, b in zip(self, Cost.now(), strict=True)))
+        return Cost.now() - self
 
     @property
     def processor(self) -> float:
@@ -89,7 +94,7 @@ class Costs:
         """Hand over what this worker counted."""
         output = getattr(session.config, "workeroutput", None)
         if output is not None:
-            sums = ({name: [*cost] for name, cost in own.items()} for own in (self.tests, self.fixtures))
+            sums = ({name: astuple(cost) for name, cost in own.items()} for own in (self.tests, self.fixtures))
             output["costs"] = [*sums, self.collected]
 
     @pytest.hookimpl(optionalhook=True)

@@ -1,6 +1,7 @@
 """Rows where a robot program stands: which pose each belongs to, whatever was left out, repeated, or in another order."""
 
 from collections import deque
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,14 +54,15 @@ class Session:
         self.taker = Taker(controller=controller, instrument=instrument, rules=rules)
 
     def run(self) -> Outcome:
-        return ProgramRunner(
-            steering=Steering(self.aim, self.journal),
-            taker=self.taker,
-            tell=self._tell,
-            ask=self._ask,
-            now=lambda: 0.0,
-            program=PROGRAM,
-        ).run()
+        with closing(self.journal):
+            return ProgramRunner(
+                steering=Steering(self.aim, self.journal),
+                taker=self.taker,
+                tell=self._tell,
+                ask=self._ask,
+                now=lambda: 0.0,
+                program=PROGRAM,
+            ).run()
 
     def _tell(self, event: Event) -> None:
         if event.kind == "note":

@@ -1,6 +1,7 @@
 """The loop with a virtual cell behind it: what goes wrong while one measures, and what becomes of it."""
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,8 +54,9 @@ class Session:
         )
 
     def run(self) -> Outcome:
-        """Measure."""
-        return self.runner.run()
+        """Measure, and let others go on with the campaign."""
+        with closing(self.journal):
+            return self.runner.run()
 
     def _tell(self, event: Event) -> None:
         if event.kind == "note":
@@ -182,7 +184,6 @@ def test_lost_beams_and_a_stop_keep_what_is_there(tmp_path: Path) -> None:
     assert 1 <= len(session.asked) <= 2
     before = len(session.journal.rows)
     assert before in (7, 8)
-    session.journal.close()
     resumed = Session(path, resume=True, most=13)
     assert resumed.run().state.rows == 13
     times = [row.time_s for row in resumed.journal.rows]

@@ -1,6 +1,7 @@
 """Measuring live without a tracker: what the loop makes of seated balls and of lengths."""
 
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,8 +79,9 @@ class Session:
         self.runner = Runner(steering=self.steering, taker=self.taker, tell=self._tell, ask=self._ask, now=lambda: 0.0)
 
     def run(self) -> Outcome:
-        """Measure."""
-        return self.runner.run()
+        """Measure, and let others go on with the campaign."""
+        with closing(self.journal):
+            return self.runner.run()
 
     def _tell(self, event: Event) -> None:
         pass
@@ -184,6 +186,7 @@ def test_distances_of_sockets_left_out_do_not_count(tmp_path: Path) -> None:
                 fixture=name,
             )
         )
+    journal.close()
     (both,), (alone,) = (journal.campaign(np.arange(count)).observations for count in (3, 2))
     assert both.stated_text() == "socket_a,socket_b,distance_mm,u_mm\nsecond/a,second/b,100.500000,0.030000\n"
     assert (both.tells_scale, alone.tells_scale) == (True, False)
@@ -201,8 +204,8 @@ def test_without_a_tracker_it_ends_as_consistent_never_proven(tmp_path: Path, na
     campaign = tc.read_campaign(session.journal.path, ROBOT, options=session.options)
     offline = tc.identify(MODEL, campaign.take(chosen))
     np.testing.assert_allclose(calibration.z, offline.z, atol=1e-9)
-    session.journal.close()
     again = Session(tmp_path / "c.csv", name, resume=True, most=80)
+    again.journal.close()
     for row, same in zip(rows, again.journal.rows, strict=True):
         assert (row.id, row.fixture, row.time_s) == (same.id, same.fixture, same.time_s)
         np.testing.assert_array_equal([*row.joints, *row.point], [*same.joints, *same.point])
@@ -215,7 +218,6 @@ def test_images_end_as_consistent_and_resume_as_they_were(tmp_path: Path) -> Non
     path = tmp_path / "c.csv"
     first = Session(path, "pixels", most=13, tolerance=1e-3)
     assert first.run().reason == "most"
-    first.journal.close()
     session = Session(path, "pixels", resume=True, most=80, tolerance=1e-3)
     outcome = session.run()
     assert (outcome.reason, outcome.state.proven, outcome.state.consistent) == ("consistent", False, True)
@@ -228,10 +230,11 @@ def test_images_end_as_consistent_and_resume_as_they_were(tmp_path: Path) -> Non
         campaign = tc.read_campaign(tmp_path / name, ROBOT, options=ReadOptions(board=board, images=corners))
         assert campaign.ids == ids
     np.testing.assert_allclose(calibration.z, tc.identify(MODEL, campaign).z, atol=1e-9)
-    session.journal.close()
-    again = Session(path, "pixels", resume=True, most=80, tolerance=1e-3).steering.update()
-    np.testing.assert_allclose(again.kept_out, outcome.state.kept_out, rtol=1e-9)
-    assert again.consistent
+    again = Session(path, "pixels", resume=True, most=80, tolerance=1e-3)
+    with closing(again.journal):
+        state = again.steering.update()
+    np.testing.assert_allclose(state.kept_out, outcome.state.kept_out, rtol=1e-9)
+    assert state.consistent
     assert_as_expected(session, outcome)
 
 
