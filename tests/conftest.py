@@ -124,7 +124,7 @@ def _require_data() -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    begin_test()
+    begin_test(item.path)
     if item.get_closest_marker("realdata"):
         _require_data()
 

@@ -1,4 +1,4 @@
-"""Wrong shapes are found in every test, whatever earlier ones called, and later calls cost nothing."""
+"""Wrong shapes are found in every test, wrong results in every file, whatever was called before, and later calls cost nothing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ def test_nested_function_checks_are_counted_over_all_copies() -> None:
     again, inner = called(1)
     assert again == [False]
     assert check_first_calls(inner) is inner
-    begin_test()
+    begin_test(__file__)
     assert called(1)[0] == [True]
 
 
@@ -84,7 +84,7 @@ def test_a_length_is_the_same_in_all_arguments_and_in_the_result() -> None:
     assert checked(np.zeros(4), np.zeros(4)).shape == (2, 4)
     with pytest.raises(TypeCheckError, match="parameter b"):
         checked(np.zeros(3), np.zeros(4))
-    begin_test()
+    begin_test("another file")
     with pytest.raises(TypeCheckError, match="return"):
         checked(np.ones(3), np.ones(3))
 
