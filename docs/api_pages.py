@@ -109,7 +109,7 @@ def _summary(full: str) -> str:
 
 def _doc_of_constant(full: str, thing: Any) -> str:
     name = full.rpartition(".")[2]
-    for module in [m for m in sys.modules if m.startswith("taskcal.") and getattr(sys.modules[m], name, None) is thing]:
+    for module in [m for m in sys.modules if m.startswith("taskcal") and getattr(sys.modules[m], name, None) is thing]:
         try:
             docs = ModuleAnalyzer.for_module(module).find_attr_docs()
         except PycodeError:

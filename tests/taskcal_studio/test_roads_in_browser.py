@@ -43,14 +43,21 @@ class Road:
         self.page.on("filechooser", lambda _: None)  # who listens later may be too late to intercept the first one
 
     def to(self, label: str) -> None:
-        """Go to a control by the Tab key, and use it."""
+        """Go to a control by the Tab key; a page that changed on the way, since a run began, is gone through again."""
         self.acts += 1
-        reached: list[str] = []
-        for _ in range(MOST_TABS):
-            self.page.keyboard.press("Tab")
-            reached.append(self.page.evaluate(FOCUSED))
-            if reached[-1] == label:
-                return
+        running = self.page.locator("#content progress")
+        while True:
+            reached: list[str] = []
+            for _ in range(MOST_TABS):
+                self.page.keyboard.press("Tab")
+                reached.append(self.page.evaluate(FOCUSED))
+                if reached[-1] == label:
+                    return
+            if not running.count():
+                break
+            running.wait_for(state="detached", timeout=300_000)
+            self.page.wait_for_timeout(1000 * SETTLE_S)
+            self.tab.ready()
         raise AssertionError(f"'{label}' is not reached by Tab; these are: {sorted(set(reached))}")
 
     def enter(self, label: str, typed: str = "") -> None:
