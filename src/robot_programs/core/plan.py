@@ -1,5 +1,6 @@
 """What is written for motions that are to end elsewhere: the one order of ways, from a number in its place to text of its own."""
 
+import gc
 from collections.abc import Callable, Container, Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,6 +12,10 @@ from robot_programs.core.program import Motion, Paths, Program, Visit, Waypoint,
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
 from taskcal_groundwork.errors import InputError
+
+MANY_MOTIONS = 10_000
+"""Of so many, what was read again for its motions is given back at once: its syntax refers to itself, and takes as much memory as
+all else."""
 
 MAX_WRITING_OUT = 4
 """Loops, routines that are called in their turns, loops in those, and routines again: who writes a program nests no deeper."""
@@ -109,7 +114,9 @@ class Plan(Generic[W]):
             InputError: one is not where it should be.
         """
         program = self.wanted.program
-        motions = program.motions_in(self.text)
+        motions = program.reread(self.text).motions
+        if len(motions) > MANY_MOTIONS:
+            gc.collect()
         expect_written(program.motions, motions, self.written, self.wanted.tolerance)
         return motions
 

@@ -1,6 +1,5 @@
 """A robot program as its motions: what the controller is told to do, and where that is written."""
 
-import gc
 import math
 import re
 from abc import ABC, abstractmethod
@@ -302,11 +301,6 @@ class Visit:
     place: Place
 
 
-MANY_MOTIONS = 10_000
-"""Of so many, what was read again for its motions is given back at once: its syntax refers to itself, and takes as much memory as
-all else."""
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Program(ABC):
     """Robot program read from one or several files."""
@@ -474,17 +468,6 @@ class Program(ABC):
         if self.read is None:
             raise NotImplementedError(f"{type(self).__name__} does not say how it is read again")
         return self.read(sources)
-
-    def motions_in(self, sources: tuple[Source, ...]) -> tuple[Motion, ...]:
-        """The motions of other texts of the same files; where these are needed alone, faster than `reread` may be.
-
-        Raises:
-            InputError: they cannot be read.
-        """
-        motions = self.reread(sources).motions
-        if len(motions) > MANY_MOTIONS:
-            gc.collect()
-        return motions
 
 
 # Edits of a program's numbers.

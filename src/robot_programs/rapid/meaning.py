@@ -32,8 +32,8 @@ from robot_programs.rapid.resolve import (
     MOTION_FORMS,
     Manner,
     MotionLine,
-    Resolved,
     Settings,
+    Site,
     TargetArgument,
     TargetType,
     in_base,
@@ -386,9 +386,7 @@ class RapidMeaning(Meaning):
         if self.softens and settings.get("soft") is not False:
             self.soft[line] = None
         by = via[0] if via else None
-        found = Resolved(
-            file=self.files[line.at[0]], end=end, via=by, manner=manner, routine=line.routine, line=line,
-        )  # fmt: skip
+        found = Site(line=line, file=self.files[line.at[0]], end=end, via=by, manner=manner)
         meaning = (*_meaning(end), *(_meaning(by) if by else ()), manner.meaning)
         return FoundMotion(motion=None, written=found, meaning=meaning)
 

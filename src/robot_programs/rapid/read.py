@@ -8,7 +8,7 @@ from functools import partial
 from robot_programs.core.flow import Findings
 from robot_programs.core.form import Move
 from robot_programs.core.interpreter import FoundMotion, interpreted
-from robot_programs.core.program import Diagnostic, Frame, Reason
+from robot_programs.core.program import Diagnostic, Frame, Motion, Reason
 from robot_programs.core.source import Source, uncollected
 from robot_programs.rapid.lower import Lowered, Unread, lowered
 from robot_programs.rapid.meaning import RapidMeaning, uses
@@ -33,7 +33,6 @@ from robot_programs.rapid.resolve import (
     MOTION_FORMS,
     SUFFIX,
     MotionLine,
-    Resolved,
     Settings,
     Site,
     base_frame,
@@ -82,7 +81,7 @@ def read_rapid(
     settings = replace(_settings(form), T_world_base=T_world_base)
     meaning = RapidMeaning(files=form.files, lowered=form, settings=settings, softens=bool(settings.soft))
     flow = interpreted(form.all, meaning)
-    sites = _sites(flow.findings, settings)
+    sites, motions = _motions(flow.findings, settings)
     diagnostics += _left(flow.findings, sites, meaning)
     diagnostics += _lost_motions(form)
     diagnostics += _cautions(form)
@@ -92,7 +91,7 @@ def read_rapid(
     used, frames = uses(meaning), _frames(form, meaning)
     del meaning.flow  # the two would keep each other
     return RapidProgram(
-        sources=tuple(sources), motions=tuple(motion.move for motion in sites), diagnostics=tuple(diagnostics),
+        sources=tuple(sources), motions=tuple(motions), diagnostics=tuple(diagnostics),
         sites=tuple(sites), uses=used, form=form, files=tuple(form.files), frames=frames,
         routines=tuple(form.procedures), turns=flow.turns, begun=flow.begun, read=partial(read_rapid, tools=tools, parts=parts),
         T_world_base=T_world_base,
@@ -111,28 +110,28 @@ def _motion(line: Move) -> MotionLine:
     return line
 
 
-def _sites(findings: Findings[Move, FoundMotion], settings: Settings) -> list[Site]:
+def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple[list[Site], list[Motion]]:
     """All that can be rewritten, in the order of the text."""
     found = list(findings.ordered(lambda one: not _is_torn(one.motion.written, findings), lambda line: line.at[:2]))
-    motions = [one.motion.written for one in found]
-    ends, vias = poses_of([motion.end for motion in motions]), poses_of([motion.via for motion in motions])
+    sites: list[Site] = [one.motion.written for one in found]
+    ends, vias = poses_of([site.end for site in sites]), poses_of([site.via for site in sites])
     # those of calls that nobody could follow count, too
-    return [
-        motion_of(motion, end, via, one.follows, settings, one.same_text + (motion.line in findings.reasons))
-        for one, motion, end, via in zip(found, motions, ends, vias, strict=True)
+    return sites, [
+        motion_of(one, end, via, settings, one.same_text + (site.line in findings.reasons))
+        for one, site, end, via in zip(found, sites, ends, vias, strict=True)
     ]
 
 
-def _is_torn(motion: Resolved, findings: Findings[Move, FoundMotion]) -> bool:
+def _is_torn(site: Site, findings: Findings[Move, FoundMotion]) -> bool:
     """Whether a motion's own text would have to change, while on other ways nobody knows where it leads."""
-    if motion.line not in findings.reasons:
+    if site.line not in findings.reasons:
         return False
-    return any(target.passed is None for target in (motion.end, motion.via) if target is not None)
+    return any(target.passed is None for target in (site.end, site.via) if target is not None)
 
 
 def _left(findings: Findings[Move, FoundMotion], sites: Iterable[Site], meaning: RapidMeaning) -> Iterator[Diagnostic]:
     """Why motions stay as they are, on all ways or on some."""
-    partly, files = {motion.line for motion in sites}, meaning.files
+    partly, files = {site.line for site in sites}, meaning.files
     for line, (_, reason) in findings.reasons.items():
         where = " in some calls" if line in partly else ""
         text = Reason(f"{_motion(line).name} stays as it is{where}: {reason}", of=[reason])

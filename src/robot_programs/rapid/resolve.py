@@ -3,14 +3,16 @@
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robot_programs.core.flow import Ordered
 from robot_programs.core.form import Move, Ref, Span, Text
+from robot_programs.core.interpreter import FoundMotion
 from robot_programs.core.program import Motion, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
@@ -280,16 +282,6 @@ def target_numbers(value: Value, type_: TargetType, what: str) -> tuple[tuple[fl
     return meant, NO_AXES if external == NO_AXES else external
 
 
-def renumbered_target(target: TargetArgument, literal: Written) -> TargetArgument:
-    """A target whose numbers are written out, with others.
-
-    Raises:
-        Unresolved: they are no target.
-    """
-    meant, external = target_numbers(literal.values, target.type, "the target")
-    return replace(target, meant=meant, external=external)
-
-
 # The instructions of RAPID that move the robot to a target, and in which order they are given what they need.
 #
 # Source: Technical reference manual, RAPID instructions, functions and data types (MoveL, TriggL, SearchL, MoveLDO,
@@ -438,27 +430,6 @@ class MotionLine(Move):
         return self.name.lower()
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Site:
-    """A motion with its text."""
-
-    move: Motion
-    file: File
-    line: MotionLine
-    end: TargetArgument
-    via: TargetArgument | None
-
-    @property
-    def text(self) -> Text:
-        """Number of the file, and first character."""
-        return self.line.at[:2]
-
-    @property
-    def layout(self) -> Layout:
-        """The arguments by their meaning."""
-        return layout(self.line.key, arguments_of(self.file.source, self.line.at[1]))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Settings:
     """Settings that hold throughout a program."""
@@ -511,16 +482,24 @@ class Manner:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Resolved:
-    """What the text of a motion means; what comes before it is still to be said."""
+class Site:
+    """What the text of a motion means; what comes before it is said by the others."""
 
+    line: MotionLine
     file: File
     end: TargetArgument
     via: TargetArgument | None
     manner: Manner
-    routine: str
-    """Name of the one in which it stands."""
-    line: MotionLine
+
+    @property
+    def text(self) -> Text:
+        """Number of the file, and first character."""
+        return self.line.at[:2]
+
+    @property
+    def layout(self) -> Layout:
+        """The arguments by their meaning."""
+        return layout(self.line.key, arguments_of(self.file.source, self.line.at[1]))
 
 
 def layout(key: str, arguments: Sequence[Argument]) -> Layout:
@@ -558,39 +537,36 @@ def layout(key: str, arguments: Sequence[Argument]) -> Layout:
 
 
 def motion_of(
-    found: Resolved,
+    one: Ordered[FoundMotion],
     end: Float[np.ndarray, "4 4"] | None,
     via: Float[np.ndarray, "4 4"] | None,
-    follows: int | None,
     settings: Settings,
     texts_motions: int,
-) -> Site:
+) -> Motion:
     """A motion whose place among the others is known.
 
     Args:
-        found: as it was resolved.
+        one: as it was found; what is written is its `Site`.
         end: pose of its target; None for joint positions.
         via: pose of its via point; None where it has none.
-        follows: number of the one before; None where that is not known.
         settings: of the program.
         texts_motions: how many motions its text stands for.
     """
+    found: Site = one.motion.written
     manner, kind = found.manner, MOTION_FORMS[found.line.key].kind
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     binds = kind not in settings.postures_off
-    counts = binds or follows is None
+    counts = binds or one.follows is None
     frames, place = manner.frames, found.file.source.place(found.line.at[1])
-    move = Motion(
+    return Motion(
         kind=kind, end=found.end.target(end, place, counts, binds),
         via=found.via.target(via, place, counts) if found.via else None,
         tool=frames.tool, part=frames.part, part_in_hand=frames.part_in_hand, speed=manner.speed,
         turn_speed=manner.turn_speed, divisible=manner.divisible and texts_motions == 1, stops=manner.stops,
-        zone=manner.zone, follows=follows, texts_motions=texts_motions, routine=found.routine,
-        place=place, carrier=frames.carrier,
-        external=axes_of(found.end.external),
+        zone=manner.zone, follows=one.follows, begins_at_motion=one.begins_at_motion, texts_motions=texts_motions,
+        routine=found.line.routine, place=place, carrier=frames.carrier, external=axes_of(found.end.external),
         external_offset=manner.external_offset,
     )  # fmt: skip
-    return Site(move=move, file=found.file, line=found.line, end=found.end, via=found.via)
 
 
 @lru_cache(maxsize=1024)

@@ -20,7 +20,6 @@ from robot_programs.core.program import (
     MotionKind,
     Paths,
     Target,
-    Unresolved,
     Visit,
     Waypoint,
     Wrapping,
@@ -43,11 +42,8 @@ from robot_programs.rapid.resolve import (
     Site,
     TargetArgument,
     TargetType,
-    axes_of,
-    poses_of,
-    renumbered_target,
 )
-from robot_programs.rapid.syntax import RESERVED, Declaration, Written, key_of, list_end, tokenize, words
+from robot_programs.rapid.syntax import RESERVED, Declaration, key_of, tokenize, words
 from robot_programs.rapid.values import (
     DEG_DECIMALS,
     MM_DECIMALS,
@@ -156,10 +152,6 @@ Datum = tuple[Symbol, tuple[int, ...] | None]
 """Data, or a component or element of them; None where it is not known which."""
 
 
-def _targets(motion: Site) -> list[TargetArgument]:
-    return [motion.end] if motion.via is None else [motion.end, motion.via]
-
-
 MAX_NAME_LENGTH = 32
 """Characters of a name in RAPID."""
 
@@ -227,7 +219,7 @@ class RapidProgram(SharingProgram):
                 if target is not None and said is not None:
                     end, own = ends.get(target), wanted.get(target, target.meant)
                     T = None if said.T is None else (said.T, said.T if end is None or end.T is None else end.T)
-                    yield _use(number, site, target, point.at, own, T)
+                    yield _use(number, move, site, target, point.at, own, T)
 
     def speed_edit(self, number: int, speed: float) -> tuple[int, TextEdit]:
         r"""The value of ``\V``, which takes the place of the speed's own; see `Program.speed_edit`.
@@ -242,13 +234,8 @@ class RapidProgram(SharingProgram):
             _, start, end = given.value.at
             return file, TextEdit(start=start, end=end, text=text)
         if (name := site.line.name).lower() not in ("movej", "movel", "movec"):
-            raise InputError(f"{site.move.place}: {name} takes no speed of its own; change its speed data")
+            raise InputError(f"{self.motions[number].place}: {name} takes no speed of its own; change its speed data")
         return file, TextEdit(start=where.speed.end, end=where.speed.end, text=f"\\V:={text}")
-
-    def motions_in(self, sources: tuple[Source, ...]) -> tuple[Motion, ...]:
-        """The motions of other texts of the same files; see `Program.motions_in`."""
-        found = _renumbered(self.sites, self.uses, self.sources, sources)
-        return super().motions_in(sources) if found is None else found
 
     def fresh_names(self) -> FreshNames:
         """Names that are free in all files."""
@@ -407,7 +394,8 @@ class RapidProgram(SharingProgram):
                 if site is not None:
                     passed = site.end.root.passed
                     given = None if passed is None else passed.argument
-                    origins = [one.root.origin for one in _targets(site) if one.root.origin is not None]
+                    targets = (site.end, site.via)
+                    origins = [one.root.origin for one in targets if one is not None and one.root.origin is not None]
                     for origin in origins[:1]:  # the index of an element is known, which the text may not state
                         data = {(s, origin.place if path is None and s is origin.symbol else path) for s, path in data}
                     if any(s in naming for s, _ in data):
@@ -488,107 +476,21 @@ def _behind_header(routine: Procedure, text: str) -> int:
     return at if rest and not rest.startswith("!") else at + len(text[at:line_end].rstrip("\r"))
 
 
-# The motions of texts that differ in numbers alone, as those do that were corrected without a further target.
-
-
-def _renumbered(
-    sites: Sequence[Site],
-    uses: Mapping[Symbol, tuple[Reference, ...]],
-    before: Sequence[Source],
-    after: Sequence[Source],
-) -> tuple[Motion, ...] | None:
-    """Motions of texts in which targets have other numbers; None where anything else differs, or may depend on these numbers."""
-    if [source.path for source in before] != [source.path for source in after]:
-        return None
-    written: dict[str, list[Written]] = defaultdict(list)
-    for literal, file in _read_by_motions_alone(sites, uses).items():
-        written[str(file.source.path)].append(literal)
-    changed: dict[Written, Written] = {}
-    for old, new in zip(before, after, strict=True):
-        pairs = _new_numbers(old.text, new.text, sorted(written[str(old.path)], key=lambda literal: literal.start))
-        if pairs is None:
-            return None
-        changed |= pairs
-    targets = [
-        t for site in sites for t in _targets(site) if t.literal in changed and t.passed is None and not t.shifted
-    ]
-    try:
-        again = {target: renumbered_target(target, changed[target.literal]) for target in targets if target.literal}
-    except Unresolved:
-        return None
-    poses = dict(zip(again, poses_of([*again.values()]), strict=True))
-    return tuple(
-        _with_targets(site, again, poses) if site.end in again or site.via in again else site.move for site in sites
-    )
-
-
-def _with_targets(
-    site: Site,
-    again: Mapping[TargetArgument, TargetArgument],
-    poses: Mapping[TargetArgument, Float[np.ndarray, "4 4"] | None],
-) -> Motion:
-
-    def target(old: TargetArgument, said: Target) -> Target:
-        if old not in again:
-            return said
-        return again[old].target(poses[old], site.move.place, said.posture is not None, said.posture_binds)
-
-    end, via = target(site.end, site.move.end), site.move.via
-    if via is not None and site.via is not None:
-        via = target(site.via, via)
-    return replace(site.move, end=end, via=via, external=axes_of(again.get(site.end, site.end).external))
-
-
-def _read_by_motions_alone(sites: Sequence[Site], uses: Mapping[Symbol, tuple[Reference, ...]]) -> dict[Written, File]:
-    """Lists of numbers that say where motions lead, and nothing else."""
-    found: dict[Written, File] = {}
-    declared: dict[Symbol, list[TargetArgument]] = defaultdict(list)
-    for target in (target for site in sites for target in _targets(site)):
-        if target.literal is None or not target.literal.is_literal or target.shifted or target.passed is not None:
-            continue
-        if target.origin is None:
-            found[target.literal] = target.file
-        elif not target.origin.place:
-            declared[target.origin.symbol].append(target)
-    for symbol, own in declared.items():
-        named = {target.argument[:2] for target in own}
-        if all((use.file.number, use.start) in named for use in uses[symbol]):
-            found |= {target.literal: target.file for target in own if target.literal is not None}
-    return found
-
-
-def _new_numbers(before: str, after: str, literals: Iterable[Written]) -> dict[Written, Written] | None:
-    """Those of some lists in a text that have other numbers in another text; None where more differs than these."""
-    changed: dict[Written, Written] = {}
-    old = new = 0
-    for literal in literals:
-        start = new + literal.start - old
-        end = list_end(after, start)
-        if not end or before[old : literal.start] != after[new:start]:
-            return None
-        if before[literal.start : literal.end] != after[start:end]:
-            changed[literal] = Written(text=after, start=start, end=end)
-            if before.count("\n", literal.start, literal.end) != after.count("\n", start, end):
-                return None
-        old, new = literal.end, end
-    return changed if before[old:] == after[new:] else None
-
-
 def _type(kind: MotionKind) -> TargetType:
     return "jointtarget" if kind == "axes" else "robtarget"
 
 
-def _name(motion: Site, kind: MotionKind) -> str:
+def _name(move: Motion, line: MotionLine, kind: MotionKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
     Raises:
         InputError: there is none.
     """
-    if NAMES[kind].lower() in motion.line.scope.routines:
-        raise InputError(f"{motion.move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own")
-    if motion.line.key in ("movej", "movel", "movec", "moveabsj"):
+    if NAMES[kind].lower() in line.scope.routines:
+        raise InputError(f"{move.place}: cannot become a {NAMES[kind]}, which is a routine of the program's own")
+    if line.key in ("movej", "movel", "movec", "moveabsj"):
         return NAMES[kind]
-    raise InputError(f"{motion.move.place}: {motion.line.name} is not written as another kind of motion")
+    raise InputError(f"{move.place}: {line.name} is not written as another kind of motion")
 
 
 def _via(waypoint: Waypoint) -> Waypoint:
@@ -601,10 +503,16 @@ def _same(T: Pose) -> Pose:
 
 
 def _use(
-    number: int, site: Site, target: TargetArgument, operand: Span, wanted: Numbers, T: tuple[Pose, Pose] | None
+    number: int,
+    move: Motion,
+    site: Site,
+    target: TargetArgument,
+    operand: Span,
+    wanted: Numbers,
+    T: tuple[Pose, Pose] | None,
 ) -> Use[Numbers]:
     """A target of a motion, with the text that leads to it."""
-    alone, base = site.move.texts_motions == 1, target.base
+    alone, base = move.texts_motions == 1, target.base
     follows = base is not None and not base.shifted and not alone
     place = base if base is not None and follows else target
     passed, posed = place.passed is not None, follows or (T is not None and not target.shifted)
@@ -741,21 +649,21 @@ class RapidSpelling(Spelling[Numbers]):
         They pass by in its zone, or where it stops in the finest zone. \Conc is left to the last one, since the controller
         allows only few of them in a row.
         """
-        site, (*before, last) = self.program.sites[number], path
-        if last.kind != site.move.kind:
-            self._reword(site, last)
+        move, site, (*before, last) = self.program.motions[number], self.program.sites[number], path
+        if last.kind != move.kind:
+            self._reword(move, site, last)
         if not before:
             return
         where, source, (file, start, end) = site.layout, site.file.source, site.line.at
         text, newline, indent = source.text, source.newline, source.indent(start)
         options = text[where.to.end : where.behind_to]
         rest = text[where.behind_to : end]
-        if site.move.stops and where.zone is not None:
+        if move.stops and where.zone is not None:
             rest = f"{text[where.behind_to : where.zone.start]}{FLY_BY}{text[where.behind_zone : end]}"
         lines: list[str] = []
         for waypoint in before:
             kind = waypoint.kind
-            name = site.line.name if kind == site.move.kind else _name(site, kind)
+            name = site.line.name if kind == move.kind else _name(move, site.line, kind)
             target = self._target(site, waypoint)
             if kind == "circular":
                 target = f"{self._target(site, _via(waypoint))},{target}"
@@ -767,10 +675,10 @@ class RapidSpelling(Spelling[Numbers]):
         else:
             self._edit(file, start, start, "".join(lines))
 
-    def _reword(self, site: Site, waypoint: Waypoint) -> None:
+    def _reword(self, move: Motion, site: Site, waypoint: Waypoint) -> None:
         """Edit an instruction's name and arguments as another kind needs them; numbers of the same type are left to do."""
         where, kind, (file, start, _) = site.layout, waypoint.kind, site.line.at
-        self._edit(file, start, start + len(site.line.name), _name(site, kind))
+        self._edit(file, start, start + len(site.line.name), _name(move, site.line, kind))
         if where.via is not None:
             self._edit(file, where.via.start, where.to.start, "")
         elif kind == "circular":

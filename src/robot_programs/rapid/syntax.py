@@ -34,7 +34,6 @@ WORD = re.compile(
 )
 LISTED = re.compile(r"[^\s\[\],]+(?: \s+ [^\s\[\],]+)?", re.VERBOSE)
 """A number in such a list, whose sign may stand apart."""
-_ALL_OF_LIST = re.compile(LIST, re.VERBOSE)
 _SIGN_APART = re.compile(r"([+-])\s+")
 _BEGINS_NESTED = re.compile(r"\[\s*\[")
 
@@ -85,12 +84,6 @@ def number(text: str) -> float:
 
 
 # Numbers that are written out.
-
-
-def list_end(text: str, start: int) -> int:
-    """End of the list of decimal numbers, or of lists of these, that begins somewhere; 0 where none does, or a long one."""
-    found = _ALL_OF_LIST.match(text, start)
-    return found.end() if found else 0
 
 
 def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:

@@ -1,7 +1,6 @@
 """RAPID that is rewritten: targets, clones, and their numbers."""
 
 import re
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from robot_programs.rapid.values import quaternion_texts, real
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
 from tests.laws.robots import generators
-from tests.robot_programs.fuzz import nearby_waypoints
 from tests.robot_programs.rapid.generator import generate
 from tests.robot_programs.rapid.samples import (
     IRC5,
@@ -51,39 +49,6 @@ def test_a_program_is_read_as_it_is_meant(rng):
             np.testing.assert_allclose(move.end.q, meant.q, atol=1e-15)
         else:
             np.testing.assert_allclose(move.end.T, meant.T, atol=1e-12)
-
-
-def test_motions_of_other_numbers_are_those_of_a_whole_reading():
-    """Where numbers alone differ not all is read again, and what is said is the same."""
-    short = 0
-    for seed in range(12):
-        rng = np.random.default_rng(seed)
-        program = read_rapid(generate(rng).sources)
-        waypoints = nearby_waypoints(rng, program, most=1)
-        cannot = program.unwritable(ROBOT, waypoints, tolerance=0.0)
-        sources = program.rewrite(ROBOT, {i: path for i, path in waypoints.items() if i not in cannot})
-        found, whole = program.motions_in(sources), program.reread(sources).motions
-        np.testing.assert_equal([*map(asdict, found)], [*map(asdict, whole)])
-        short += any(a is b for a, b in zip(found, program.motions, strict=False))
-    assert short
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        "MoveL p1,v5,fine,tool0;IF p1.trans.x<0 THEN MoveL p2,v5,fine,tool0;ENDIF",
-        "MoveL Offs(p1,0,0,10),v5,fine,tool0;MoveL p1,v5,fine,tool0;",
-        "MoveL p1,v5,fine,tool0;p2:=p1;MoveL p2,v5,fine,tool0;",
-    ],
-)
-def test_numbers_that_more_depends_on_are_read_with_the_whole(body):
-    """A target may decide a branch, or be shifted or copied: then all that follows from its numbers is found again."""
-    text = module(body, POINTS.replace("CONST", "VAR"))
-    program = read_rapid([text])
-    other = replace(text, text=text.text.replace("p1:=[[", "p1:=[[-", 1))
-    assert other.text != text.text
-    found, whole = program.motions_in((other,)), program.reread((other,)).motions
-    np.testing.assert_equal([*map(asdict, found)], [*map(asdict, whole)])
 
 
 def test_rewrite_of_unshared_targets_changes_only_numbers():
