@@ -31,10 +31,27 @@ from robot_programs.rapid.names import (
     Scope,
     Symbol,
 )
-from robot_programs.rapid.parse import LEAVING, Argument, Notes, NotUnderstood, Reader
+from robot_programs.rapid.parse import ROUTINE_ENDS, Argument, Notes, NotUnderstood, Reader
 from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL, Layout, MotionForm, MotionLine, layout
-from robot_programs.rapid.syntax import LIST, NAME, RESERVED, Module, Problem, RoutineText, Statement, key_of
+from robot_programs.rapid.syntax import LIST, NAME, RESERVED, Declaration, Module, NotRead, Problem, RoutineText, key_of
 from robot_programs.rapid.values import TARGETS
+
+# Statements and their blocks.
+
+LEAVING = ("GOTO", "RETURN", "RAISE", "RETRY", "TRYNEXT", "EXIT")
+"""Statements behind which control does not go on."""
+
+HANDLERS = ("ERROR", "UNDO", "BACKWARD")
+_BLOCKS: Mapping[str, tuple[str, Mapping[str, str], str]] = {
+    "IF": ("THEN", {"ELSEIF": "THEN", "ELSE": ""}, "ENDIF"), "TEST": ("", {"CASE": ":", "DEFAULT": ":"}, "ENDTEST"),
+    "FOR": ("DO", {}, "ENDFOR"), "WHILE": ("DO", {}, "ENDWHILE"),
+}  # fmt: skip
+"""Blocks: what ends the header, further branches with what ends theirs, and the end."""
+_INNER_ENDS = ("ENDIF", "ELSEIF", "ELSE", "ENDFOR", "ENDWHILE", "ENDTEST", "CASE", "DEFAULT")
+_BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *ROUTINE_ENDS))
+"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
+
+_COLON = re.compile(r"(?:[\s\ufeff]+|![^\n]*)*+:(?!=)")
 
 # What an instruction, a function, or text that was not understood may change.
 
@@ -280,13 +297,11 @@ def lowered(files: Mapping[File, Notes], found: Sequence[tuple[Procedure, Module
 
 
 _MOVE = re.compile(
-    rf"(?P<name> move(?:[jlc]|absj) ) (?: (?<=[cC]) \s* (?P<via> \b{NAME} | {LIST}) \s* , )? \s* (?P<to> \b{NAME} | {LIST} )",
+    rf"(?P<name> move(?:[jlc]|absj) ) (?: (?<=[cC]) \s* (?P<via> \b{NAME} | {LIST}) \s* , )? \s* (?P<to> \b{NAME} | {LIST} )"
+    r"(?P<tail> [^;\"!]{0,200}+ ; )?",
     re.VERBOSE | re.IGNORECASE,
 )
-"""Motions that make up long programs, up to their targets, where these are names or lists of numbers."""
-
-MAX_TAIL_LENGTH = 200
-"""Characters behind them; longer ones are read each time."""
+"""Motions that make up long programs, whose targets are names or lists of numbers, and the rest up to the semicolon."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -308,16 +323,20 @@ class _Lowering(Reader):
         self.procedure, self.form, self.scope = procedure, form, procedure.scope
         self.tails: dict[tuple[str, Scope, str], _Tail] = {}
         """By instruction, scope and text."""
+        self.passed: Mapping[int, Declaration | NotRead] = {}
+        """What is declared among the statements, by its first character."""
 
     def lower(self, text: Module | RoutineText) -> None:
         """Give the routine its nodes, or the module one for each text that is not understood."""
         for symbol in self.procedure.declared:
             self._declared(symbol)
         if isinstance(text, Module):
-            self.procedure.nodes = self._block(text.unread)
+            self.procedure.nodes = tuple(node for one in text.unread for node in self._not_read(*one))
             return
-        self.procedure.nodes = self._block(text.body)
-        self.procedure.handlers = tuple(self._block(handler) for handler in text.handlers)
+        self.jump(text.body_at)
+        self.depth, self.passed = 0, {one.start: one for one in text.passed}
+        self.procedure.nodes, *handlers = self._bodies()
+        self.procedure.handlers = tuple(handlers)
         self.procedure.unread = frozenset(
             word.text.lower() for line in self.procedure.lines if isinstance(line, Unread) for word in line.words
         )  # a GOTO may stand there
@@ -444,41 +463,84 @@ class _Lowering(Reader):
 
     # Statements.
 
-    def _block(self, statements: Iterable[Statement]) -> Block:
-        """Nodes of some statements."""
-        return tuple(node for one in statements for node in self._statement(one))
+    def _bodies(self) -> Iterator[Block]:
+        """Nodes of a routine, and of its handlers."""
+        yield tuple(self._body())
+        while self.at(*HANDLERS):
+            start, problem = self.take().start, None
+            try:
+                if self.accept("("):
+                    self.arguments(")")
+                    self.expect(")")
+            except NotUnderstood as error:
+                problem = self.noted(error)
+                self.recover(start, ROUTINE_ENDS)
+            unread = () if problem is None else self._not_read(start, self.end, problem)
+            yield (*unread, *self._body())
 
-    def _statement(self, one: Statement) -> Sequence[Node]:
-        try:
-            return self._nodes(one)
-        except NotUnderstood as problem:
-            self.notes.note(problem.problem)
-            return self._passed_over(one, problem.problem)
+    def _body(self) -> Iterator[Node]:
+        """Nodes up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
+        yield from self._block()
+        while self.at(*_INNER_ENDS):
+            stray = self.take()
+            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
+            yield from self._not_read(stray.start, stray.end, noted)
+            yield from self._block()
 
-    def _nodes(self, one: Statement) -> Sequence[Node]:
+    def _block(self) -> Block:
+        found = list[Node]()
+        while not self.done and (key := self.next.upper) not in _BLOCK_ENDS:
+            first, depth, noted = self.place, self.depth, len(self.form.instructions)
+            if key == ";":
+                self.take()
+                continue
+            if (passed := self.passed.get(first)) is not None:
+                self.jump(passed.end)
+                found += self._not_read(*passed) if isinstance(passed, NotRead) else ()
+                continue
+            if key in ("LOCAL", "TASK") and self.after_scope() in ROUTINE_ENDS:
+                break
+            self.begin()
+            self.notes.count("statements", first)
+            try:
+                found += self._statement(key)
+            except NotUnderstood as error:
+                self.depth = depth
+                del self.form.instructions[noted:]  # the words of the text are looked at below
+                problem = self.noted(error)
+                self.recover(first, ROUTINE_ENDS)
+                found += self._not_read(first, self.end, problem)
+        return tuple(found)
+
+    def _statement(self, key: str) -> Sequence[Node]:
         """Nodes of a statement.
 
         Raises:
             NotUnderstood: it is not one.
         """
-        if one.problem is not None:
-            return self._passed_over(one, one.problem)
-        match one.kind:
-            case "IF" | "TEST":
-                return [self._branches(one)]
-            case "FOR" | "WHILE":
-                return [self._loop(one)]
-            case "label":
-                line = Labelled(at=(self.file, one.start, one.end), moves=True)
-                self.jump(one.start)
-                return [flow.Label(line=line, name=key_of(self.next))]
+        first = self.next
+        match key:
+            case "IF" | "TEST" | "FOR" | "WHILE":
+                return [self._blocks(key)]
+            case "<":  # ``<SMT>`` and the like, where a statement is still to be written
+                self.take()
+                name = self.name()
+                self.expect(">")
+                problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+                return self._not_read(first.start, self.end, problem)
             case _:
-                line = self._alike(one)
-                return [Step(line=line)] if line is not None else list(self._simple(one))
+                line = self._alike()
+                if line is not None:
+                    return [Step(line=line)]
+        label = _COLON.match(self.text, first.end)
+        if label is not None and first.kind == "name" and first.text.lower() not in RESERVED:
+            self.jump(label.end())
+            return [flow.Label(line=Labelled(at=self.span(first.start), moves=True), name=key_of(first))]
+        return list(self._simple())
 
-    def _passed_over(self, one: Statement, problem: Problem) -> Sequence[Node]:
+    def _not_read(self, start: int, end: int, problem: Problem) -> Sequence[Node]:
         """Text that is not understood: what it may change, and which routines it may call."""
-        found = self.notes.passed_over(one.start, one.end, problem)
+        found = self.notes.passed_over(start, end, problem)
         given_to: list[str] = []
 
         def may(key: str, function: bool, type_: str) -> bool:
@@ -506,77 +568,106 @@ class _Lowering(Reader):
             if key in NOTED:
                 self.form.instructions.append(Instruction(file=self.procedure.file, word=word, options=options))
         line = Unread(
-            at=(self.file, one.start, one.end), routines=tuple(routines), arguments=tuple(asks),
+            at=(self.file, start, end), routines=tuple(routines), arguments=tuple(asks),
             changes=tuple(changes), moves=True, words=found, problem=problem, names=tuple(named),
         )  # fmt: skip
         traps = tuple(routine for routine in line.routines if routine.beside)
         return [Unknown(line=line), *([Step(line=Arming(at=line.at, routines=traps))] if traps else [])]
 
-    def _branches(self, one: Statement) -> Branches:
-        arms: list[Arm] = []
-        tested = self._at(one.tested) if one.kind == "TEST" else None
-        read = [] if tested is None else [tested]
-        for places, body in one.arms:
-            cases, condition = [self._at(place) for place in places], None
-            if cases:
-                condition = cases[0] if tested is None else _is_one(tested, cases)
-            nodes = self._within(body[0]) if one.compact else self._block(body)
-            arms.append(Arm(condition=condition, body=tuple(nodes)))
-            read += cases
-        arms.sort(key=lambda arm: arm.condition is None)  # taken where none of the others is, wherever it stands
-        at = (self.file, one.start, one.end)
-        return Branches(line=Check(at=at, conditions=tuple(read)), name="IF", arms=tuple(arms))
-
-    def _within(self, one: Statement) -> Sequence[Node]:
-        """Nodes of the statement of an IF without THEN."""
-        return [
-            Step(line=replace(node.line, compact=True)) if isinstance(node.line, MotionLine) else node
-            for node in self._nodes(one)
-        ]
-
-    def _loop(self, one: Statement) -> flow.Loop:
-        ((places, body),) = one.arms
-        conditions = [self._at(place) for place in places]
-        at, outer, counter = (self.file, one.start, one.end), self.scope, None
-        if one.counter is not None:
-            symbol, self.scope = outer.with_counter(one.counter)
-            counter = Ref(at=at, name=f"'{symbol.name}'", key=symbol)
-            if len(conditions) == 2:  # the step is that towards the end
-                conditions.append(Op(at=at, sign="step", operands=tuple(conditions)))
-        try:
-            nodes = self._block(body)
-        finally:
-            self.scope = outer
-        line = Check(at=at, conditions=tuple(conditions), counter=counter)
+    def _blocks(self, key: str) -> Node:
+        """IF, TEST, FOR or WHILE with the blocks in it."""
+        start, outer, counter = self.take().start, self.scope, None
+        behind, branches, closing = _BLOCKS[key]
+        if key == "FOR":
+            counter = self.name()
+            self.expect("FROM")
+        read = [self.expression()]
+        if key == "FOR":
+            self.expect("TO")
+            read.append(self.expression())
+            read += [self.expression()] if self.accept("STEP") else []
+        self.enter()
+        if key == "IF" and not self.at("THEN"):
+            self.notes.count("statements", self.place)
+            arms = [Arm(condition=read[0], body=tuple(map(_compact, self._statement(self.next.upper))))]
+            self.depth -= 1
+            return Branches(line=Check(at=self.span(start), conditions=tuple(read)), name="IF", arms=tuple(arms))
+        symbol, arms = None, list[Arm]()
         if counter is not None:
-            return flow.Loop(line=line, name="FOR", kind="counted", body=nodes)
-        return flow.Loop(line=line, name="WHILE", kind="while", condition=conditions[0], body=nodes)
+            symbol, self.scope = outer.with_counter(counter)
+        if key != "TEST":
+            self.expect(behind)
+            try:
+                arms.append(Arm(condition=read[0], body=self._block()))
+            finally:
+                self.scope = outer
+        while (branch := self.next.upper) in branches:
+            self.take()
+            cases = [] if branch in ("ELSE", "DEFAULT") else [self.expression()]
+            while branch == "CASE" and self.accept(","):
+                cases.append(self.expression())
+            if branch != "ELSE":
+                self.expect(branches[branch])
+            condition = None if not cases else cases[0] if key == "IF" else _is_one(read[0], cases)
+            arms.append(Arm(condition=condition, body=self._block()))
+            read += cases
+        self.depth -= 1
+        if not self.accept(closing):
+            self.note(start, f"{closing} is missing for what begins here")
+        at = self.span(start)
+        if key in ("IF", "TEST"):
+            arms.sort(key=lambda arm: arm.condition is None)  # taken where none of the others is, wherever it stands
+            return Branches(line=Check(at=at, conditions=tuple(read)), name="IF", arms=tuple(arms))
+        if symbol is None:
+            line = Check(at=at, conditions=tuple(read))
+            return flow.Loop(line=line, name="WHILE", kind="while", condition=read[0], body=arms[0].body)
+        if len(read) == 2:  # the step is that towards the end
+            read.append(Op(at=at, sign="step", operands=tuple(read)))
+        line = Check(at=at, conditions=tuple(read), counter=Ref(at=at, name=f"'{symbol.name}'", key=symbol))
+        return flow.Loop(line=line, name="FOR", kind="counted", body=arms[0].body)
 
-    def _simple(self, one: Statement) -> Iterator[Node]:
+    def _simple(self) -> Iterator[Node]:
         """A statement without others in it.
 
         Raises:
             NotUnderstood: it is none.
         """
-        if self.place == one.start:
-            self.begin()
-        else:
-            self.jump(one.start)
-        self.depth = one.depth
-        said = self.sentence()
-        key, at = said.word.upper, said.at
-        if key in LEAVING:
-            conditions = () if said.value is None else (said.value,)
-            way = "jump" if said.other else "return" if key == "RETURN" else "stop"
-            yield Leave(line=Check(at=at, conditions=conditions), way=way, label=said.other)
-        elif key == "CONNECT":
-            traps = tuple(routine for routine in self.scope.routines.get(said.other, ()) if routine.beside)
-            yield Step(line=Arming(at=at, routines=traps) if traps else Reading(at=at))
-        elif said.target is not None and said.value is not None:
-            ref = self._ref(said.word, said.target)
-            yield Step(line=self._assignment(at, ref, said.target, said.value))
-        else:
-            yield from self._instruction(said.word, said.arguments, at)
+        first = self.next
+        match first.upper:
+            case key if key in LEAVING:
+                self.take()
+                label = key_of(self.name()) if key == "GOTO" and self.next.kind == "name" else ""
+                conditions = () if self.at(";") else (self.expression(),)
+                line = Check(at=self._ended(first), conditions=conditions)
+                yield Leave(line=line, way="jump" if label else "return" if key == "RETURN" else "stop", label=label)
+            case "CONNECT":
+                self.take()
+                self.selected(self.name())
+                self.expect("WITH")
+                named = self.scope.routines.get(key_of(self.name()), ())
+                at, traps = self._ended(first), tuple(routine for routine in named if routine.beside)
+                yield Step(line=Arming(at=at, routines=traps) if traps else Reading(at=at))
+            case "%":
+                self.take()
+                self.expression()
+                self.expect("%")
+                arguments = self.arguments(";")
+                yield from self._instruction(first, arguments, self._ended(first))
+            case _:
+                name = self.name()
+                if self.at(".", "{", ":="):
+                    target = self.selected(name)
+                    self.expect(":=")
+                    value, ref = self.expression(), self._ref(name, target)
+                    yield Step(line=self._assignment(self._ended(first), ref, target, value))
+                else:
+                    arguments = self.arguments(";")
+                    yield from self._instruction(name, arguments, self._ended(first))
+
+    def _ended(self, first: Word) -> Span:
+        """Place of a statement that ends here."""
+        self.expect(";")
+        return self.span(first.start)
 
     def _assignment(self, at: Span, target: Ref | None, stated: Expression, value: Expression) -> Assign | Check:
         if target is None:
@@ -661,20 +752,22 @@ class _Lowering(Reader):
             for argument in arguments
         )  # fmt: skip
 
-    def _alike(self, one: Statement) -> MotionLine | None:
-        """A motion that says what another one does, but for its targets; None where it is something else."""
-        found = _MOVE.match(self.text, one.start)
-        if found is None or one.depth + 4 > MAX_DEPTH:
+    def _alike(self) -> MotionLine | None:
+        """Read a motion that says what another one does, but for its targets; None where it is something else."""
+        start = self.place
+        found = _MOVE.match(self.text, start)
+        if found is None or self.depth + 4 > MAX_DEPTH:
             return None
-        name, via, to = found.group("name", "via", "to")
-        tail = self.tails.get((name.lower(), self.scope, self.text[found.end() : one.end]))
+        name, via, to, behind = found.group("name", "via", "to", "tail")
+        tail = self.tails.get((name.lower(), self.scope, behind))
         if tail is None or (via is None) != (tail.form.kind != "circular") or _is_reserved(via) or _is_reserved(to):
             return None
         points = (self._plain_target(*found.span("to"), tail.type),)
         if via is not None:
             points = (self._plain_target(*found.span("via"), tail.type), *points)
+        self.jump(found.end())
         return MotionLine(
-            at=(self.file, one.start, one.end), points=points, settings=tail.settings, ends=tail.form.ends_there,
+            at=(self.file, start, found.end()), points=points, settings=tail.settings, ends=tail.form.ends_there,
             name=name, options=tail.options, routine=self.procedure.name, scope=self.scope, compact=False, shared=True,
         )  # fmt: skip
 
@@ -712,8 +805,8 @@ class _Lowering(Reader):
             return self._unread_motion(name, arguments, options, str(why), given)
         points = tuple(self._target(one, type_) for one in (where.via, where.to) if one is not None)
         settings, found = self._settings(where, arguments), _MOVE.match(self.text, name.start)
-        shared = found is not None and found.end() == where.to.end and self._is_plain(where, arguments)
-        if shared and at[2] - where.to.end <= MAX_TAIL_LENGTH:
+        shared = found is not None and found.end("to") == where.to.end and self._is_plain(where, arguments)
+        if shared:
             place = key, self.scope, self.text[where.to.end : at[2]]
             self.tails[place] = _Tail(form=form, type=type_, options=options, settings=settings)
         return MotionLine(
@@ -779,6 +872,12 @@ class _Lowering(Reader):
         if isinstance(value, Ref) and argument.type != type_:
             return Hole(at=value.at, why=f"'{name.text}' is {argument.type}, not {type_}")
         return _whole(value)
+
+
+def _compact(node: Node) -> Node:
+    """A node of the statement of an IF without THEN."""
+    is_motion = isinstance(node, Step) and isinstance(node.line, MotionLine)
+    return Step(line=replace(node.line, compact=True)) if is_motion else node
 
 
 def _is_reserved(name: str | None) -> bool:

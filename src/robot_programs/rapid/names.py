@@ -319,7 +319,8 @@ def _procedure(text: RoutineText, file: File, outer: Scope) -> Procedure:
         why = f"'{one.name.text}' is a parameter of the routine '{name}'"
         own[key_of(one.name)] = [Symbol(name=one.name.text, type=one.type, obstacle=why, parameter_of=name.lower())]
     parameters = [(own[key_of(one.name)][0], one.changed) for one in text.parameters]
-    declared = tuple(_declared(text.declarations, file, scope))
+    declarations = (one for one in text.passed if isinstance(one, Declaration))
+    declared = tuple(_declared(declarations, file, scope))
     for symbol in declared:
         own.setdefault(symbol.name.lower(), []).append(symbol)
     return Procedure(

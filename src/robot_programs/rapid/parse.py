@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import ClassVar
@@ -18,10 +18,10 @@ from robot_programs.rapid.syntax import (
     RESERVED,
     Declaration,
     Module,
+    NotRead,
     Parameter,
     Problem,
     RoutineText,
-    Statement,
     Written,
     behind_header,
     key_of,
@@ -128,27 +128,6 @@ class Argument:
     """Of such data, as far as it is known, in lower case."""
 
 
-LEAVING = ("GOTO", "RETURN", "RAISE", "RETRY", "TRYNEXT", "EXIT")
-"""Statements behind which control does not go on."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Sentence:
-    """A statement without others in it."""
-
-    at: Span
-    word: Word
-    """Its first one."""
-    target: Expression | None
-    """What it assigns to."""
-    value: Expression | None
-    """What it assigns, or returns."""
-    arguments: Sequence[Argument]
-    """What an instruction is given."""
-    other: str
-    """Label of a GOTO, or trap of a CONNECT."""
-
-
 class Reader(Cursor):
     """Reads expressions from the words of a file, which are looked for one after the other, so that they are never all in memory.
 
@@ -237,6 +216,27 @@ class Reader(Cursor):
         if self._next.kind != "name" or self._next.text.lower() in RESERVED:
             raise self.problem("a name is missing before")
         return self.take()
+
+    def note(self, position: int, text: str) -> Problem:
+        """Record what cannot be parsed."""
+        return self.noted(NotUnderstood(position, text))
+
+    def noted(self, error: NotUnderstood) -> Problem:
+        """Record an error."""
+        self.notes.note(error.problem)
+        return error.problem
+
+    def after_scope(self) -> str:
+        """The word behind LOCAL or TASK, in capitals."""
+        return self.behind_next.upper if self.at("LOCAL", "TASK") else self.next.upper
+
+    def recover(self, first: int, stops: Iterable[str]) -> None:
+        """Go on behind the next semicolon, or before a word that begins or ends something."""
+        if self.place == first:
+            self.take()
+        while not (self.done or self.at(*stops)):
+            if self.take().text == ";":
+                return
 
     def problem(self, what: str) -> NotUnderstood:
         """An error at the next word."""
@@ -383,38 +383,6 @@ class Reader(Cursor):
         self.height = height
         return found
 
-    def sentence(self) -> "Sentence":
-        """Read a statement without others in it."""
-        word, other, target, value = self.next, "", None, None
-        arguments: Sequence[Argument] = ()
-        match word.upper:
-            case key if key in LEAVING:
-                self.take()
-                if key == "GOTO" and self.next.kind == "name":
-                    other = key_of(self.name())
-                value = None if self.at(";") else self.expression()
-            case "CONNECT":
-                self.take()
-                self.selected(self.name())
-                self.expect("WITH")
-                other = key_of(self.name())
-            case "%":
-                self.take()
-                self.expression()
-                self.expect("%")
-                arguments = self.arguments(";")
-            case _:
-                name = self.name()
-                if self.at(".", "{", ":="):
-                    target = self.selected(name)
-                    self.expect(":=")
-                    value = self.expression()
-                else:
-                    arguments = self.arguments(";")
-        self.expect(";")
-        at = self.span(word.start)
-        return Sentence(at=at, word=word, target=target, value=value, arguments=arguments, other=other)
-
     def _option(self, start: int) -> Argument:
         if self.next.kind != "name":
             raise self.problem("the name of an option is missing before")
@@ -460,31 +428,23 @@ def arguments_of(source: Source, start: int) -> list[Argument]:
     return reader.arguments(";")
 
 
-# Declarations, and statements in their blocks; what cannot be understood is passed over and noted.
+# Declarations, and heads of routines; what cannot be understood is passed over and noted.
 
 STORAGE = ("CONST", "PERS", "VAR")
 _ROUTINES = ("PROC", "FUNC", "TRAP")
-HANDLERS = ("ERROR", "UNDO", "BACKWARD")
-_BLOCKS: Mapping[str, tuple[str, Mapping[str, str], str]] = {
-    "IF": ("THEN", {"ELSEIF": "THEN", "ELSE": ""}, "ENDIF"), "TEST": ("", {"CASE": ":", "DEFAULT": ":"}, "ENDTEST"),
-    "FOR": ("DO", {}, "ENDFOR"), "WHILE": ("DO", {}, "ENDWHILE"),
-}  # fmt: skip
-"""Blocks: what ends the header, further branches with what ends theirs, and the end."""
-_INNER_ENDS = ("ENDIF", "ELSEIF", "ELSE", "ENDFOR", "ENDWHILE", "ENDTEST", "CASE", "DEFAULT")
-_ROUTINE_ENDS = ("ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE", "MODULE", *_ROUTINES)
-_BLOCK_ENDS = frozenset((*_INNER_ENDS, *HANDLERS, *_ROUTINE_ENDS, "RECORD", "ENDRECORD"))
-"""Words that a statement cannot begin with: a block ends before them, whether they close it or were meant for another."""
+ROUTINE_ENDS = ("ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE", "MODULE", *_ROUTINES)
+"""Words in no routine, where one ends at the latest."""
 
-_TO_END = re.compile(r'[^;"!]*+(?:(?:"(?:[^"\n]|"")*+"?|![^\n]*+)[^;"!]*+)*+;')
-"""Text up to a semicolon that stands in no string and in no comment."""
+_STATEMENTS = re.compile(
+    rf'(?:[^"!a-z_\x80-\U0010ffff]++|(?!(?:{"|".join((*STORAGE, "LOCAL", "TASK", *ROUTINE_ENDS))})\b)\w++|"(?:[^"\n]|"")*+"?|'
+    r"![^\n]*+|\W)*+",
+    re.IGNORECASE,
+)
+"""Text up to a word with which a declaration may begin or a routine end, but for those in strings and comments."""
 _PLAIN = re.compile(
     rf"(?P<storage>{NAME}) \s+ (?P<type>{NAME}) \s+ (?P<name>{NAME}) \s* := \s* (?P<list>{LIST}) \s* ;", re.VERBOSE
 )
 """A declaration of data that are a list of nothing but numbers."""
-_COLON = re.compile(r"(?:[\s\ufeff]+|![^\n]*)*+:(?!=)")
-MAX_LENGTH = 10_000
-"""Characters in which that semicolon is looked for; what is longer is read word by word."""
-_PARTS_OF_ENDS = ("proc", "func", "trap", "module")
 
 
 def parse(notes: Notes) -> tuple[Module, ...]:
@@ -497,28 +457,7 @@ def parse(notes: Notes) -> tuple[Module, ...]:
 
 
 class _Parser(Reader):
-    """Modules, routines and blocks."""
-
-    def note(self, position: int, text: str) -> Problem:
-        """Record what cannot be parsed."""
-        return self.noted(NotUnderstood(position, text))
-
-    def noted(self, error: NotUnderstood) -> Problem:
-        """Record an error."""
-        self.notes.note(error.problem)
-        return error.problem
-
-    def after_scope(self) -> str:
-        """The word behind LOCAL or TASK, in capitals."""
-        return self.behind_next.upper if self.at("LOCAL", "TASK") else self.next.upper
-
-    def recover(self, first: int, stops: Iterable[str]) -> None:
-        """Go on behind the next semicolon, or before a word that begins or ends something."""
-        if self.place == first:
-            self.take()
-        while not (self.done or self.at(*stops)):
-            if self.take().text == ";":
-                return
+    """Modules, their declarations and the heads of their routines."""
 
     # Modules.
 
@@ -553,7 +492,7 @@ class _Parser(Reader):
                 self.depth = 0
                 noted = self.noted(problem)
                 self.recover(first, (*_ROUTINES, "RECORD", "LOCAL", *STORAGE, "MODULE", "ENDMODULE"))
-                module.unread.append(Statement(start=first, end=self.end, depth=0, problem=noted))
+                module.unread.append(NotRead(first, self.end, noted))
         if not self.accept("ENDMODULE"):
             self.note(self.end, f"ENDMODULE of the module '{module.name.text}' is missing")
         module.end = self.end
@@ -638,20 +577,12 @@ class _Parser(Reader):
             self.name()
         name = self.name()
         parameters = tuple(self._parameters()) if self.accept("(") else ()
-        declarations: list[Declaration] = []
-        body = self._body(declarations)
-        handlers: list[list[Statement]] = []
-        while self.at(*HANDLERS):
-            self.take()
-            if self.accept("("):
-                self.arguments(")")
-                self.expect(")")
-            handlers.append(self._body(declarations))
+        body_at, passed = self.end, tuple(self._passed())
         if not self.accept(f"END{kind}"):
             self.note(self.place, f"END{kind} of '{name.text}' is missing")
         return RoutineText(
             start=start, end=self.end, name=name, kind=kind.lower(), local=local, parameters=parameters,
-            declarations=declarations, body=body, handlers=handlers,
+            passed=passed, body_at=body_at,
         )  # fmt: skip
 
     def _parameters(self) -> Iterator[Parameter]:
@@ -667,111 +598,24 @@ class _Parser(Reader):
                     self.take()
             yield Parameter(name=name, type=key_of(type_), optional=optional, changed=changed)
 
-    # Blocks.
-
-    def _body(self, declarations: list[Declaration]) -> list[Statement]:
-        """Statements up to a handler or the end of the routine; an ENDIF or the like on the way closes nothing."""
-        found = self._block(declarations)
-        while self.at(*_INNER_ENDS):
-            stray = self.take()
-            noted = self.note(stray.start, f"'{stray.text}' closes nothing")
-            found.append(Statement(start=stray.start, end=stray.end, depth=self.depth, problem=noted))
-            found += self._block(declarations)
-        return found
-
-    def _block(self, declarations: list[Declaration]) -> list[Statement]:
-        found: list[Statement] = []
-        while not self.done and (key := self.next.upper) not in _BLOCK_ENDS:
-            if key == ";":
+    def _passed(self) -> Iterator[Declaration | NotRead]:
+        """Declarations among the statements up to the end of the routine; the statements are passed over."""
+        place = self.end
+        while found := _STATEMENTS.match(self.text, place):
+            start = found.end()
+            self.jump(start)
+            behind = self.after_scope()
+            if self.done or behind in ROUTINE_ENDS:
+                return
+            if behind in STORAGE:
+                self.notes.count("statements", start)
+                try:
+                    yield self._declaration()
+                except NotUnderstood as problem:
+                    self.depth = 0
+                    noted = self.noted(problem)
+                    self.recover(start, ROUTINE_ENDS)
+                    yield NotRead(start, self.end, noted)
+            else:
                 self.take()
-                continue
-            self.begin()
-            first, depth = self.place, self.depth
-            self.notes.count("statements", first)
-            try:
-                if key in ("LOCAL", "TASK", *STORAGE):
-                    if self.after_scope() not in STORAGE:
-                        break
-                    declarations.append(self._declaration())
-                else:
-                    found.append(self._statement(declarations))
-            except NotUnderstood as problem:
-                self.depth = depth
-                noted = self.noted(problem)
-                self.recover(first, _ROUTINE_ENDS)
-                found.append(Statement(start=first, end=self.end, depth=depth, problem=noted))
-        return found
-
-    def _statement(self, declarations: list[Declaration]) -> Statement:
-        one = Statement(start=self.place, end=0, depth=self.depth)
-        match self.next.upper:
-            case key if key in _BLOCKS:
-                self._blocks(one, declarations)
-            case "<":
-                self._placeholder(one)
-            case _:
-                self._simple(one)
-        one.end = self.end
-        return one
-
-    def _simple(self, one: Statement) -> None:
-        """Pass over a statement that is read when all names are known, unless a routine may end or begin before its semicolon."""
-        first, found = self.next, _TO_END.match(self.text, self.place, self.place + MAX_LENGTH)
-        end, label = 0 if found is None else found.end(), _COLON.match(self.text, first.end)
-        if label is not None and first.kind == "name" and first.text.lower() not in RESERVED:
-            one.kind, end = "label", label.end()
-        elif found is None or any(part in found[0].lower() for part in _PARTS_OF_ENDS):
-            counted = self.notes.counted["values"]
-            self.sentence()
-            self.notes.counted["values"] = counted  # when names are known, it is read again
-            end = self.end
-        self.jump(end)
-
-    def _placeholder(self, one: Statement) -> None:
-        """``<SMT>`` and the like, where a statement is still to be written."""
-        self.take()
-        name = self.name()
-        self.expect(">")
-        one.problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
-
-    def _blocks(self, one: Statement, declarations: list[Declaration]) -> None:
-        one.kind, arms = self.take().upper, list[tuple[tuple[int, ...], list[Statement]]]()
-        behind, branches, closing = _BLOCKS[one.kind]
-        one.arms = arms
-        if one.kind == "FOR":
-            one.counter = self.name()
-            self.expect("FROM")
-        read = [self._passed()]
-        if one.kind == "FOR":
-            self.expect("TO")
-            read.append(self._passed())
-            read += [self._passed()] if self.accept("STEP") else []
-        self.enter()
-        if one.kind == "IF" and not self.at("THEN"):
-            self.notes.count("statements", self.place)
-            one.compact = True
-            arms.append((tuple(read), [self._statement(declarations)]))
-            self.depth -= 1
-            return
-        if one.kind == "TEST":
-            (one.tested,) = read
-        else:
-            self.expect(behind)
-            arms.append((tuple(read), self._block(declarations)))
-        while (branch := self.next.upper) in branches:
-            self.take()
-            cases = [] if branch in ("ELSE", "DEFAULT") else [self._passed()]
-            while branch == "CASE" and self.accept(","):
-                cases.append(self._passed())
-            if branch != "ELSE":
-                self.expect(branches[branch])
-            arms.append((tuple(cases), self._block(declarations)))
-        self.depth -= 1
-        if not self.accept(closing):
-            self.note(one.start, f"{closing} is missing for what begins here")
-
-    def _passed(self) -> int:
-        """Read an expression, for the place where it begins."""
-        start = self.place
-        self.expression()
-        return start
+            place = self.end

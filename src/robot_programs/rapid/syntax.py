@@ -4,6 +4,7 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from robot_programs.core.form import Lit
 from robot_programs.core.kit import Word
@@ -190,29 +191,12 @@ class Problem:
         return f"line {source.place(self.position).line}: {self.text}"
 
 
-# Statements, as far as they are told before names have a meaning.
-
-
-@dataclass(eq=False, kw_only=True, slots=True)
-class Statement:
-    """A statement, or a block of statements with its header."""
+class NotRead(NamedTuple):
+    """Text that is not understood."""
 
     start: int
-    end: int = 0
-    kind: str = ""
-    """``IF``, ``TEST``, ``FOR``, ``WHILE`` or ``label``; empty of one that is read when names are known."""
-    depth: int
-    """Blocks that are open."""
-    arms: "Sequence[tuple[tuple[int, ...], list[Statement]]]" = ()
-    """Blocks, each with the places of what is read to decide on it; none of one that is taken where no other is."""
-    tested: int = 0
-    """Place of what a TEST compares."""
-    counter: Word | None = None
-    """Variable that a FOR declares."""
-    compact: bool = False
-    """An IF without THEN."""
-    problem: Problem | None = None
-    """Why it is not understood."""
+    end: int
+    problem: Problem
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
@@ -226,10 +210,10 @@ class RoutineText:
     """``proc``, ``func`` or ``trap``."""
     local: bool
     parameters: Sequence[Parameter]
-    declarations: Sequence[Declaration]
-    body: Sequence[Statement]
-    handlers: Sequence[Sequence[Statement]]
-    """What ERROR, UNDO and BACKWARD lead to."""
+    passed: Sequence[Declaration | NotRead]
+    """What is declared among its statements."""
+    body_at: int
+    """Behind its head: its statements are read when all names are known."""
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
@@ -243,5 +227,5 @@ class Module:
     records: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict[str, tuple[tuple[str, str], ...]])
     """Types with their components, name and type of each, in lower case."""
     routines: list[RoutineText] = field(default_factory=list[RoutineText])
-    unread: list[Statement] = field(default_factory=list[Statement])
+    unread: list[NotRead] = field(default_factory=list[NotRead])
     """Text between declarations and routines that is neither."""
