@@ -67,7 +67,7 @@ _OWN = (
         base_file="$machine.dat",
         takes_data=True,
         form=_form(
-            "krl.data:literal_poses",
+            "krl.values:literal_poses",
             r"S?(?:LIN|PTP) \{ X (#) , Y (#) , Z (#) , A (#) , B (#) , C (#) (?:,[-+.,\w\t\x20]*)?\}[\w\t\x20]*",
         ),
     ),

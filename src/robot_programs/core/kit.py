@@ -133,6 +133,14 @@ class Words:
         if not self.accept(text):
             raise self.problem(f"'{text}' is missing")
 
+    def taken_to(self, *stops: str) -> tuple[Word, ...]:
+        """Read words up to one that stops, outside of any bracket; all that are left without one."""
+        start, depth = self.number, 0
+        while not self.done and (depth or self.words[self.number].upper not in stops):
+            depth += opens(self.words[self.number])
+            self.number += 1
+        return tuple(self.words[start : self.number])
+
     def skip(self, opening: str, closing: str) -> None:
         """Read to behind the bracket that is open.
 

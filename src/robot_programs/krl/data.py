@@ -6,7 +6,6 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -14,18 +13,10 @@ from jaxtyping import Float
 
 from robot_programs.core.flow import Effects, Thing, with_called
 from robot_programs.core.form import Text
-from robot_programs.core.program import (
-    MissingKind,
-    Motion,
-    Reason,
-    Unresolved,
-    angled_pose,
-    pose_numbers,
-    rotations,
-)
-from robot_programs.core.source import Place, Source, TextEdit, renumbered
+from robot_programs.core.program import MissingKind, Reason, Unresolved
+from robot_programs.core.source import Place, Source
+from robot_programs.core.values import Structure
 from robot_programs.krl.syntax import (
-    Aggregate,
     Assignment,
     Begin,
     Beside,
@@ -34,17 +25,15 @@ from robot_programs.krl.syntax import (
     Declaration,
     End,
     MotionLine,
-    Operand,
-    Reference,
     Statement,
     Word,
-    bit_string,
     given_by_value,
     lines_of_words,
+    number_of,
     parse,
     passed_in,
 )
-from taskcal_groundwork import se3
+from robot_programs.krl.values import AXES, EXTERNAL, POSE, STATUS, pose, value_in
 from taskcal_groundwork.errors import InputError, shown
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
@@ -104,6 +93,31 @@ class File:
         return out
 
     @cached_property
+    def stated(self) -> tuple["Datum", ...]:
+        """Variables to which it gives a structure, a number or a truth value, if it is a data list."""
+        shared, out = set[str](), list[Datum]()
+        for line in self.statements if self.holds_data else ():
+            match line:
+                case Declaration(variables=variables):
+                    shared.update(v.name for v in variables if line.shared)
+                    own = [(v.name, v.words, v.start, line) for v in variables]
+                case Assignment():
+                    own = [(line.name, line.words, line.start, None)]
+                case _:
+                    continue
+            for name, words, start, declaration in own:
+                value = value_in(self.number, words, listed=True)
+                if value is None:
+                    continue
+                # of an array that others may use, only structures are taken for theirs
+                whole = declaration is not None or isinstance(value, Structure)
+                for_all = self.serves_all or (name.partition("[")[0] in shared and whole)
+                out.append(
+                    Datum(file=self, name=name, value=value, shared=for_all, declaration=declaration, start=start)
+                )
+        return tuple(out)
+
+    @cached_property
     def sections(self) -> tuple["Routine", ...]:
         """Its routines, or data lists, and the lines outside of any."""
         out: list[Routine] = []
@@ -158,7 +172,7 @@ class Datum:
     file: File
     name: str
     """In capitals, with its index."""
-    value: Aggregate | float | bool
+    value: Structure | float | bool
     shared: bool
     """Other programs may use it, too."""
     declaration: Declaration | None
@@ -174,47 +188,9 @@ class Datum:
         return self.name.partition("[")[0]
 
     @property
-    def aggregate(self) -> Aggregate:
-        """Value of a variable that is a structure."""
-        assert isinstance(self.value, Aggregate)
-        return self.value
-
-    @property
     def place(self) -> Place:
         """Place of its declaration."""
         return self.file.source.place(self.start)
-
-
-def stated(file: File) -> Iterator[Datum]:
-    """Variables to which a data list gives a structure, a number or a truth value."""
-    shared: set[str] = set()
-    for line in file.statements if file.holds_data else ():
-        match line:
-            case Declaration():
-                shared.update(v.name for v in line.variables if line.shared)
-                text = file.source.text
-                own = [
-                    (v.name, v.value, v.start, line, text[v.value.start : v.value.end])
-                    for v in line.variables
-                    if v.value is not None
-                ]
-            case Assignment():
-                own = [(line.name, line.value, line.start, None, line.text)]
-            case _:
-                continue
-        for name, operand, start, declaration, text in own:
-            value = aggregate_of(operand) or plain_value(text)
-            if value is not None:
-                # of an array that others may use, only structures are taken for theirs
-                for_all = name.partition("[")[0] in shared and (declaration is not None or isinstance(value, Aggregate))
-                yield Datum(
-                    file=file,
-                    name=name,
-                    value=value,
-                    shared=file.serves_all or for_all,
-                    declaration=declaration,
-                    start=start,
-                )
 
 
 def set_once(routine: Routine) -> Iterator[Datum]:
@@ -225,9 +201,10 @@ def set_once(routine: Routine) -> Iterator[Datum]:
             lines[line.variable].append(line)
     declared = {v.start for line in routine.lines if isinstance(line, Declaration) for v in line.variables}
     for own in lines.values():
-        values = {line.name: value for line in own if (value := aggregate_of(line.value)) is not None}
         known = all(word.text == "," or word.text.isdecimal() for line in own for word in line.index or ())
-        if not known or len(values) < len(own):
+        found = ((line.name, value_in(routine.file.number, line.words)) for line in own if known)
+        values = {name: value for name, value in found if isinstance(value, Structure)}
+        if len(values) < len(own):
             continue
         for line in own:
             yield Datum(
@@ -253,181 +230,16 @@ def given_data(number: int, values: Mapping[str, str]) -> File:
     lines = ["DEFDAT $GIVEN"]
     for name, value in values.items():
         own = File.of(number, Source.of(GIVEN, f"DEFDAT $GIVEN\n{name}={value}\nENDDAT\n".encode()))
-        if [datum.name for datum in stated(own)] != ["".join(name.upper().split())] or len(own.statements) != 3:
+        if [datum.name for datum in own.stated] != ["".join(name.upper().split())] or len(own.statements) != 3:
             raise InputError(
                 f"'{shown(value)}' is no value for {shown(name)}; give a structure such as "
                 "{E6POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}, or a number"
             )
-        (datum,) = stated(own)
-        type_ = datum.value.type if isinstance(datum.value, Aggregate) else ""
+        (datum,) = own.stated
+        type_ = datum.value.kind if isinstance(datum.value, Structure) else ""
         lines += [f"DECL {type_} {name}"] if type_ else []
         lines.append(f"{name}={value}")
     return File.of(number, Source.of(GIVEN, "\n".join([*lines, "ENDDAT", ""]).encode()))
-
-
-def aggregate_of(value: Operand | None) -> Aggregate | None:
-    """The structure that a value is; None where it is none, or a product."""
-    if value is None or len(value.parts) != 1:
-        return None
-    part = value.parts[0]
-    return part if isinstance(part, Aggregate) else None
-
-
-def plain_value(text: str) -> float | bool | None:
-    """The number or truth value that a text is; None where it is neither."""
-    text = text.strip().upper()
-    if text in ("TRUE", "FALSE"):
-        return text == "TRUE"
-    try:
-        value = float(text)
-    except ValueError:
-        return bit_string(text)
-    return value if isfinite(value) else None
-
-
-# Positions in KRL: X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T; from text to numbers and back.
-
-POSE = ("X", "Y", "Z", "A", "B", "C")
-AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
-EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
-STATUS = ("S", "T")
-
-# KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
-DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys((*AXES, *EXTERNAL), 6)}
-
-
-def has_pose(aggregate: Aggregate) -> bool:
-    """Whether any component of a pose is stated."""
-    return any(component.name in POSE for component in aggregate.fields)
-
-
-def has_axes(aggregate: Aggregate) -> bool:
-    """Whether any axis is stated."""
-    return any(component.name in AXES for component in aggregate.fields)
-
-
-def numbers_in(aggregate: Aggregate) -> dict[str, float]:
-    """Components that are numbers."""
-    return {component.name: component.value for component in aggregate.fields if component.value is not None}
-
-
-def has_status(aggregate: Aggregate) -> bool:
-    """Whether status or turn is stated."""
-    return any(component.name in STATUS for component in aggregate.fields)
-
-
-def pose(aggregate: Aggregate, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:
-    """The pose that a complete position states, metres.
-
-    Raises:
-        Unresolved: a needed component is missing or no number.
-    """
-    return angled_pose(*(_stated(aggregate, name, needed) for name in POSE))
-
-
-def frame(aggregate: Aggregate) -> Float[np.ndarray, "4 4"]:
-    """A frame that is added by ``:``; what it leaves out is zero.
-
-    Raises:
-        Unresolved: it is none.
-    """
-    if not has_pose(aggregate):
-        raise Unresolved("what is added by ':' is not a frame")
-    return pose(aggregate, needed=())
-
-
-def literal_poses(rows: Float[np.ndarray, "n 6"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
-    """The poses of X Y Z A B C; see `LiteralForm.poses`."""
-    return se3.pose(rotations(rows[:, 3:]), rows[:, :3] * 1e-3) if np.isfinite(rows).all() else None
-
-
-def rotation_stated(aggregate: Aggregate) -> bool:
-    """Whether the angles are stated.
-
-    Raises:
-        Unresolved: some are, and others not.
-    """
-    stated = [name for name in "ABC" if aggregate.field(name)]
-    if len(stated) in (1, 2):
-        raise Unresolved(f"of its angles it states {' and '.join(stated)} only")
-    return bool(stated)
-
-
-def axes(aggregate: Aggregate, *, needed: tuple[str, ...] = AXES) -> Float[np.ndarray, " joints"]:
-    """The joint positions that a complete axis position states, radians; zero for what is neither stated nor needed.
-
-    Raises:
-        Unresolved: a needed axis is missing or no number.
-    """
-    return np.radians([_stated(aggregate, name, needed) for name in AXES])
-
-
-def _stated(aggregate: Aggregate, name: str, needed: tuple[str, ...]) -> float:
-    component = aggregate.field(name)
-    if component is None and name not in needed:
-        return 0.0
-    if component is None:
-        raise Unresolved(f"{name} is not stated, so it keeps its value of before")
-    if component.value is None:
-        raise Unresolved(f"{name} is '{component.text}', which is not a number")
-    return component.value
-
-
-def whole(aggregate: Aggregate, name: str) -> int | None:
-    """The whole number of 31 bits in a component; None where there is none."""
-    value = aggregate.value(name)
-    return int(value) if value is not None and 0 <= value < 2**31 and value == int(value) else None
-
-
-def external(aggregate: Aggregate) -> tuple[float, ...]:
-    """Positions of the external axes, millimetres or degrees; NaN where none is stated.
-
-    Raises:
-        Unresolved: one is not a number.
-    """
-    out: list[float] = []
-    for name in EXTERNAL:
-        axis = aggregate.field(name)
-        if axis is not None and axis.value is None:
-            raise Unresolved(f"{name} is '{axis.text}', which is not a number")
-        out.append(nan if axis is None or axis.value is None else axis.value)
-    return tuple(out)
-
-
-def pose_values(T: Float[np.ndarray, "4 4"], near: Aggregate | None = None) -> dict[str, float]:
-    """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
-    old = tuple((near.value(name) if near else None) or 0.0 for name in "ABC")
-    return dict(zip(POSE, pose_numbers(T, (old[0], old[1], old[2])), strict=True))
-
-
-def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
-    """Values of A1 … of joint positions, degrees."""
-    return dict(zip(AXES, np.degrees(q).tolist(), strict=False))
-
-
-def _field_text(name: str, text: str, was: float, value: float) -> str:
-    """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
-    if name in STATUS:
-        return text if was == value else _integer(text, int(value))
-    return renumbered(text, was, value, DECIMALS[name])
-
-
-def _integer(old: str, value: int) -> str:
-    base = {"'B": "b", "'H": "X"}.get(old[:2].upper())
-    return str(value) if base is None else f"{old[:2]}{value:0{len(old) - 3}{base}}'"
-
-
-def edits_for(aggregate: Aggregate, values: Mapping[str, float]) -> list[TextEdit]:
-    """The edits that give a position's components other values; those without a number of their own stay as they are."""
-    out: list[TextEdit] = []
-    for stated in aggregate.fields:
-        value = values.get(stated.name, stated.value)
-        if value is not None and stated.value is not None and value != stated.value:
-            text = _field_text(stated.name, stated.text, stated.value, value)
-            if text != stated.text:
-                blank = " " if stated.touches else ""
-                out.append(TextEdit(start=stated.start, end=stated.end, text=blank + text))
-    return out
 
 
 BUILT_IN = "BAS"
@@ -525,7 +337,7 @@ class Names:
             for line in file.statements:
                 if isinstance(line, Declaration):
                     (shared if line.shared else own).update(variable.name for variable in line.variables)
-            own.update(datum.variable for datum in stated(file))
+            own.update(datum.variable for datum in file.stated)
             out.setdefault(file.module, set()).update(own - shared)
         return {module: frozenset(names) for module, names in out.items()}
 
@@ -543,7 +355,7 @@ class Names:
         """What data lists state, by key of a variable and index; the index of a variable itself is empty."""
         out: dict[str, dict[str, Datum]] = {}
         for file in self.files:
-            for datum in stated(file):
+            for datum in file.stated:
                 index = datum.name[len(datum.variable) :].strip("[]")
                 out.setdefault(self.key_in(file.module, datum.variable), {})[index] = datum
         return out
@@ -552,8 +364,11 @@ class Names:
     def set_once(self) -> Mapping[Text, Datum]:
         """Elements of arrays that routines set once, by the place of the value."""
         routines = [routine for file in self.files if not file.holds_data for routine in file.sections]
+        data = (datum for routine in routines for datum in set_once(routine))
         return {
-            (datum.file.number, datum.aggregate.start): datum for routine in routines for datum in set_once(routine)
+            datum.value.origin.at[:2]: datum
+            for datum in data
+            if isinstance(datum.value, Structure) and datum.value.origin
         }
 
     def key(self, routine: Routine, name: str) -> str:
@@ -582,7 +397,7 @@ class Names:
         """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
         key = self.key(routine, name)
         datum = self.data.get(key, {}).get("")
-        if datum is None or key in self.changed or isinstance(datum.value, Aggregate):
+        if datum is None or key in self.changed or isinstance(datum.value, Structure):
             return None
         return datum.value
 
@@ -595,14 +410,14 @@ class Names:
         routines = (routine for file in files for routine in file.sections if routine.name == "INITMOV")
         for line in (line for routine in routines for line in routine.lines):
             match line:
-                case Assignment(name="$TOOL", value=Operand(parts=(Reference(name=name),))) if name.startswith(
-                    "TOOL_DATA["
+                case Assignment(name="$TOOL", words=[Word(text=name), Word(text="["), *index, Word(text="]")]) if (
+                    name.upper() == "TOOL_DATA"
                 ):
-                    tool = _as_number(name[len("TOOL_DATA[") : -1])
-                case Call(name="TOOL", arguments=((word,),)):
-                    tool = _as_number(word.text)
-                case Call(name="BASE", arguments=((word,),)):
-                    base = _as_number(word.text)
+                    tool = number_of(index)
+                case Call(name="TOOL", arguments=(words,)):
+                    tool = number_of(words)
+                case Call(name="BASE", arguments=(words,)):
+                    base = number_of(words)
                 case _:
                     pass
         return tool, base
@@ -617,17 +432,17 @@ class Names:
         name = "$ROBROOT"
         if name not in self.changed:
             datum = self.data.get(name, {}).get("")
-            return None if datum is None or not isinstance(datum.value, Aggregate) else pose(datum.value)
+            return None if datum is None or not isinstance(datum.value, Structure) else pose(datum.value)
         lines = [
             line
             for file in self.files
             for line in file.statements
             if not file.holds_data and isinstance(line, Assignment) and line.variable == name
         ]
-        aggregate = aggregate_of(lines[0].value) if len(lines) == 1 and lines[0].name == name else None
-        if aggregate is None:
+        value = value_in(0, lines[0].words) if len(lines) == 1 and lines[0].name == name else None
+        if not isinstance(value, Structure):
             raise Unresolved(f"{name} is changed by the program, at {self.changed[name][0][1]}")
-        return pose(aggregate)
+        return pose(value)
 
 
 def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
@@ -643,11 +458,6 @@ def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tu
             return ()
         case _:
             return passed_in(line, by_value)
-
-
-def _as_number(text: str) -> float | None:
-    value = plain_value(text)
-    return value if isinstance(value, float) else None
 
 
 def _element(line: Assignment) -> tuple[str, ...]:
@@ -853,12 +663,9 @@ class _Meant:
 
     def _number(self, routine: Routine, line: Beside) -> float | bool | None:
         """The number of an interrupt; None where the text does not give it."""
-        if len(line.number) != 1:
-            return None
-        (word,) = line.number
-        if word.kind == "number":
-            return plain_value(word.text)
-        return self.names.number(routine, word.upper)
+        if len(line.number) != 1 or line.number[0].kind == "number":
+            return number_of(line.number)
+        return self.names.number(routine, line.number[0].upper)
 
 
 def _text(routine: Routine, line: Statement) -> Text:

@@ -20,27 +20,28 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.form import Text
+from robot_programs.core.form import Ask, Expression, Lit, Rec, Ref, Text, inside
 from robot_programs.core.helper import Computed, Dialect, HelperModule, single
 from robot_programs.core.program import Unresolved, Wrapped, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends, meeting_point
 from robot_programs.core.source import Source, TextEdit
-from robot_programs.krl.data import BUILT_IN, PLACES, POSE, File, Names, Routine
+from robot_programs.core.values import Structure
+from robot_programs.krl.data import BUILT_IN, PLACES, File, Names, Routine
+from robot_programs.krl.lower import Coded, MotionStep, is_stated
 from robot_programs.krl.points import Status
 from robot_programs.krl.syntax import (
     RELATIVE_MOTIONS,
-    Aggregate,
     Assignment,
     Call,
     Control,
     Declaration,
     MotionLine,
     Operand,
-    Reference,
     Statement,
     Word,
     whole_call,
 )
+from robot_programs.krl.values import POSE, numbers_in, texts_in
 from taskcal_groundwork import se3
 from taskcal_groundwork.errors import InputError
 
@@ -276,11 +277,14 @@ MEASURING = frozenset(
 """Where the robot is or was: numbers of the nominal robot for where the true one stands."""
 
 
-def wrap(files: Sequence[File], motions: Container[Text], function: str, without: Container[str]) -> Iterator[Wrapped]:
+def wrap(
+    files: Sequence[File], routines: Sequence[Coded], motions: Container[Text], function: str, without: Container[str]
+) -> Iterator[Wrapped]:
     """Some motions, each with the edits that put a function around its points.
 
     Args:
         files: of the program.
+        routines: of the program.
         motions: places of motions.
         function: name of a function of an E6POS whose status and turn count; the names of two others begin with it, see `ENDINGS`.
         without: names of tools and bases, in lower case, one of which the program may have active.
@@ -294,7 +298,8 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
     carried = next(iter(sorted(named & CARRIED)), "") or next(coupled, "")
     handed = any(_HANDED.search(file.source.text) for file in own)
 
-    def edits(line: MotionLine, routine: Routine) -> Iterator[TextEdit]:
+    def edits(step: MotionStep) -> Iterator[TextEdit]:
+        line = step.statement
         if carried:
             raise Unresolved(f"a base may be moved ({carried})")
         if handed:
@@ -305,21 +310,48 @@ def wrap(files: Sequence[File], motions: Container[Text], function: str, without
             raise Unresolved(
                 "it may keep the orientation in which it begins ($ORI_TYPE), which the function does not see"
             )
-        elsewhere.update(measured.elsewhere(routine))
-        _expect_points(line, routine, measured, named)
+        elsewhere.update(measured.elsewhere(step.routine))
+        _expect_points(step, measured, named)
+        points = [
+            Point(operand=one, parts=tuple(filter(is_stated, step.points[own])), step=step)
+            for one, own in step.operands
+        ]
         if line.keyword in RELATIVE_MOTIONS:
-            yield from _from_here(line, routine, function)
+            yield from _from_here(line, points, function)
         elif line.angle:
-            yield from _to_angle(line, routine, files, function)
+            yield from _to_angle(line, points, files, function)
         else:
-            yield from (_around(one, line, routine, files, function) for one in line.operands)
+            yield from (_around(one, files, function) for one in points)
 
-    for routine in (routine for file in files for routine in file.sections):
-        source = routine.file.source
-        for line in routine.lines:
-            if isinstance(line, MotionLine) and (routine.file.number, line.start) in motions:
-                yield Wrapped.of(source.place(line.start), line.keyword, edits(line, routine))
+    for step in (line for routine in routines for line in routine.lines):
+        if isinstance(step, MotionStep) and step.at[:2] in motions:
+            place = step.routine.file.source.place(step.statement.start)
+            yield Wrapped.of(place, step.statement.keyword, edits(step))
     yield from elsewhere.values()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Point:
+    """A point of a motion."""
+
+    operand: Operand
+    parts: Sequence[Expression]
+    """Structures and variables that are joined by ``:``; none where it is computed."""
+    step: MotionStep
+
+    @property
+    def text(self) -> str:
+        """As written."""
+        return self.step.routine.file.source.text[self.operand.start : self.operand.end]
+
+    @property
+    def joint(self) -> bool:
+        """Whether its status and turn count."""
+        return self.step.statement.keyword.endswith("PTP")
+
+    def types(self, files: Sequence[File]) -> Sequence[str]:
+        """Of its parts; empty where they are not known."""
+        return [_type_of(part, self.step.routine, files) for part in self.parts]
 
 
 def calls_function(line: Statement, function: str) -> bool:
@@ -328,12 +360,13 @@ def calls_function(line: Statement, function: str) -> bool:
     return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
 
 
-def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", named: Container[str]) -> None:
+def _expect_points(step: MotionStep, measured: "_Measured", named: Container[str]) -> None:
     """See that a motion goes to points of which a function can make others.
 
     Raises:
         Unresolved: it does not.
     """
+    line = step.statement
     relative = line.keyword in RELATIVE_MOTIONS
     if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble or (relative and line.angle):
         raise Unresolved("it does not go to points that it names")
@@ -342,20 +375,24 @@ def _expect_points(line: MotionLine, routine: Routine, measured: "_Measured", na
     if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
         raise Unresolved("it sets tool or base for itself, which the function does not see")
     # a distance is the same in whatever base: only the way along its axes counts
-    for name in (*(name for operand in line.operands for name in _names(line, operand)), *(() if relative else HELD)):
-        if measured.says(measured.names.key(routine, name), routine):
+    for name in (*(name for point in step.points for name in _names(point)), *(() if relative else HELD)):
+        if measured.says(measured.names.key(step.routine, name), step.routine):
             raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
 
 
-def _names(line: MotionLine, operand: Operand) -> Iterator[str]:
-    """Names of which a point is made, without those of components and indices."""
-    yield from (part.name.partition("[")[0] for part in operand.parts if isinstance(part, Reference))
-    yield from (word.upper for word in line.words_of(operand) if word.kind == "name")
-    texts = (one.text for part in operand.parts if isinstance(part, Aggregate) for one in part.fields)
-    yield from (name.upper() for text in texts for name in re.findall(r"[A-Za-z_$][\w$]*", text))
+def _names(point: Expression) -> Iterator[str]:
+    """Names of which a point is made, without those of components and of its own index."""
+    for one in (point,) if isinstance(point, Ref) else inside(point):
+        match one:
+            case Ref(name=name):
+                yield name
+            case Ask(name=name, changes=changes):
+                yield from (name, *(ref.name for ref in changes))
+            case _:
+                pass
 
 
-def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> TextEdit:
+def _around(point: Point, files: Sequence[File], function: str) -> TextEdit:
     """A point with the function around it that serves its type.
 
     What ``:`` gives has the type of its right side, and status and turn count in PTP alone (KUKA System Software, geometric
@@ -364,111 +401,114 @@ def _around(operand: Operand, line: MotionLine, routine: Routine, files: Sequenc
     Raises:
         Unresolved: it has none.
     """
-    text, joint = routine.file.source.text[operand.start : operand.end], line.keyword.endswith("PTP")
-    parts = operand.parts
-    if [_type_of(part, routine, files) for part in parts] == ["E6POS"] and isinstance(parts[0], Reference):
-        return TextEdit(start=operand.start, end=operand.end, text=f"{function}{'' if joint else OF_PATH}({text})")
-    frame = _as_frame(operand, line, routine, files)
-    return TextEdit(start=operand.start, end=operand.end, text=f"{function}{OF_FRAME}({frame})")
+    start, end = point.operand.start, point.operand.end
+    if point.types(files) == ["E6POS"] and isinstance(point.parts[0], Ref):
+        return TextEdit(start=start, end=end, text=f"{function}{'' if point.joint else OF_PATH}({point.text})")
+    return TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({_as_frame(point, files)})")
 
 
-def _as_frame(operand: Operand, line: MotionLine, routine: Routine, files: Sequence[File]) -> str:
+def _as_frame(point: Point, files: Sequence[File]) -> str:
     """A point as an expression of type FRAME.
 
     Raises:
         Unresolved: it may not be one; or the motion needs its status, and that is not known.
     """
-    text, parts = routine.file.source.text[operand.start : operand.end], operand.parts
-    joint, own = line.keyword.endswith("PTP"), [_type_of(part, routine, files) for part in parts]
-    missing = [p for p in parts if isinstance(p, Aggregate) and not all(p.value(name) is not None for name in POSE)]
-    if missing or (parts and isinstance(parts[0], Aggregate)) or "AXIS" in "".join(own):
+    parts, own = point.parts, point.types(files)
+    complete = all(
+        isinstance(one, Ref) or (isinstance(one, Lit) and numbers_in(one.value).keys() >= {*POSE}) for one in parts
+    )
+    if not complete or (parts and not isinstance(parts[0], Ref)) or "AXIS" in "".join(own):
         raise Unresolved("its point is no variable, and no product of variables and complete frames")
-    if not parts and not _own_functions(line, operand, files):
+    if not parts and not _own_functions(point.operand, files):
         raise Unresolved("its point comes from a function that the files do not have")
-    if joint and own[-1:] != ["FRAME"]:
+    if point.joint and own[-1:] != ["FRAME"]:
         raise Unresolved(
             "its point is neither declared as E6POS nor as FRAME, whose status and turn are then not known"
         )
-    return text if own == ["FRAME"] else f"{text}:$NULLFRAME"
+    return point.text if own == ["FRAME"] else f"{point.text}:$NULLFRAME"
 
 
-def _to_angle(line: MotionLine, routine: Routine, files: Sequence[File], function: str) -> Iterator[TextEdit]:
+def _to_angle(line: MotionLine, points: Sequence[Point], files: Sequence[File], function: str) -> Iterator[TextEdit]:
     """An arc that ends at an angle as one to the point that is there.
 
     Raises:
         Unresolved: its points may be no frames.
     """
-    text, (via, last) = routine.file.source.text, line.operands
-    points = ",".join(_as_frame(one, line, routine, files) for one in line.operands)
-    angle = text[line.angle[0].start : line.angle[-1].end]
-    for start, end, share in ((via.start, via.end, "0.5"), (last.start, line.angle[-1].end, "1.0")):
-        yield TextEdit(
-            start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({points},{share}*({angle})))"
-        )
+    (via, last), angle = line.operands, (line.angle[0].start, line.angle[-1].end)
+    given = ",".join(_as_frame(one, files) for one in points)
+    text = points[0].step.routine.file.source.text[slice(*angle)]
+    for start, end, share in ((via.start, via.end, "0.5"), (last.start, angle[1], "1.0")):
+        yield TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({given},{share}*({text})))")
 
 
-def _from_here(line: MotionLine, routine: Routine, function: str) -> Iterator[TextEdit]:
+def _from_here(line: MotionLine, points: Sequence[Point], function: str) -> Iterator[TextEdit]:
     """A motion by a distance as one to the point that is so far from where the tool truly is.
 
     Raises:
         Unresolved: the distance is not stated by numbers along the axes alone.
     """
-    text = routine.file.source.text
+    text = points[0].step.routine.file.source.text
     yield TextEdit(start=line.start, end=line.start + len(line.keyword), text=line.keyword.removesuffix("_REL"))
-    for operand in line.operands:
-        (*other, step) = operand.parts or (None,)
-        if (
-            other
-            or not isinstance(step, Aggregate)
-            or any(one.name not in "XYZ" and one.value != 0.0 for one in step.fields)
-        ):
+    for point in points:
+        match point.parts:
+            case [Lit(value=Structure() as step)]:
+                values, stated = step.parts, texts_in(step)
+            case [Rec(parts=parts)]:
+                values = {name: one.value if isinstance(one, Lit) else None for name, one in parts.items()}
+                stated = {name: text[one.at[1] : one.at[2]] for name, one in parts.items()}
+            case _:
+                values, stated = {"": None}, dict[str, str]()
+        if any(name not in ("X", "Y", "Z") and value != 0.0 for name, value in values.items()):
             raise Unresolved("its distance is not stated by X, Y and Z alone")
-        stated = {one.name: one.text for one in step.fields if one.name in "XYZ"}
-        whole = "{FRAME: " + ",".join(f"{name} {stated.get(name, 0)}" for name in POSE) + "}"
-        parts = (f"{function}{OF_HERE}()", whole) if line.along == "#TOOL" else (whole, f"{function}{OF_HERE}()")
-        point = f"{function}{OF_FRAME}({parts[0]}:{parts[1]})"
-        yield TextEdit(
-            start=operand.start, end=operand.end, text=f" {point}" if text[operand.start - 1].isalnum() else point
+        whole = (
+            "{FRAME: "
+            + ",".join(f"{name} {stated[name] if name in 'XYZ' and name in stated else 0}" for name in POSE)
+            + "}"
         )
-    axes = (
-        re.search(rf"\s*{line.along}\b", text[line.operands[-1].end : line.end], re.IGNORECASE) if line.along else None
-    )
+        parts = (f"{function}{OF_HERE}()", whole) if line.along == "#TOOL" else (whole, f"{function}{OF_HERE}()")
+        new, start = f"{function}{OF_FRAME}({parts[0]}:{parts[1]})", point.operand.start
+        yield TextEdit(start=start, end=point.operand.end, text=f" {new}" if text[start - 1].isalnum() else new)
+    behind = line.operands[-1].end
+    axes = re.search(rf"\s*{line.along}\b", text[behind : line.end], re.IGNORECASE) if line.along else None
     if axes is not None:
-        start = line.operands[-1].end + axes.start()
-        yield TextEdit(start=start, end=start + len(axes[0]), text="")
+        yield TextEdit(start=behind + axes.start(), end=behind + axes.end(), text="")
 
 
-def _own_functions(line: MotionLine, operand: Operand, files: Sequence[File]) -> bool:
+def _own_functions(operand: Operand, files: Sequence[File]) -> bool:
     """Whether all functions that compute a point stand in the files, or do geometry alone."""
-    words = line.words_of(operand)
-    called = {word.upper for word, behind in pairwise(words) if word.kind == "name" and behind.text == "("}
-    return bool(words) and called <= {head.name for file in files for head in file.heads} | {"INV_POS"}
+    called = {word.upper for word, behind in pairwise(operand.words) if word.kind == "name" and behind.text == "("}
+    return bool(called) and called <= {head.name for file in files for head in file.heads} | {"INV_POS"}
 
 
-def _type_of(part: Aggregate | Reference, routine: Routine, files: Sequence[File]) -> str:
+def _type_of(part: Expression, routine: Routine, files: Sequence[File]) -> str:
     """Type of a part of a point; empty where it is not known."""
-    if isinstance(part, Reference):
-        if part.name.partition("[")[0] in FRAMES:
-            return "FRAME"
-        return _type(part.name, routine, files) or ("E6POS" if _of_inline_form(part.name, routine) else "")
-    return part.type or ("FRAME" if all(field.name in POSE for field in part.fields) else "")
+    match part:
+        case Ref(name=name):
+            if name in FRAMES:
+                return "FRAME"
+            return _type(name, routine, files) or ("E6POS" if _of_inline_form(part, routine) else "")
+        case Rec(kind=kind, parts=parts) | Lit(value=Structure(kind=kind, parts=parts)):
+            return kind or ("FRAME" if parts.keys() <= {*POSE} else "")
+        case _:
+            return ""
 
 
-def _of_inline_form(name: str, routine: Routine) -> bool:
+def _of_inline_form(point: Ref, routine: Routine) -> bool:
     """Whether a point is one of an inline form, which declares it as E6POS; home positions are axes."""
     of_point = {line.text for line in routine.lines if isinstance(line, Assignment) and line.variable == "FDAT_ACT"}
-    return name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
+    name = point.name
+    return not point.path and name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
 
 
 def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
     """Declared type of a variable; empty where it is not known, or there are several."""
-    own, module = name.partition("[")[0], routine.file.module
+    module = routine.file.module
     types = {
         line.type
         for line in routine.lines
         if isinstance(line, Declaration)
         for one in line.variables
-        if one.name == own
+        if one.name == name
     }
     if not types:
         types = {
@@ -479,7 +519,7 @@ def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
             and isinstance(line, Declaration)
             and (file.module == module or line.shared or file.serves_all)
             for one in line.variables
-            if one.name == own
+            if one.name == name
         }
     return next(iter(types)).upper() if len(types) == 1 else ""
 

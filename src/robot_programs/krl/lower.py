@@ -7,6 +7,7 @@ the system variables; see `Meaning` for what their operators make of frames.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import accumulate, pairwise, starmap
 from typing import Any, ClassVar, Literal
 
 from robot_programs.core import flow
@@ -31,6 +32,7 @@ from robot_programs.core.form import (
 from robot_programs.core.form import Routine as FormRoutine
 from robot_programs.core.kit import Cursor, Word
 from robot_programs.core.program import Reason
+from robot_programs.core.values import Structure
 from robot_programs.krl.data import (
     BASE,
     BUILT_IN,
@@ -39,7 +41,6 @@ from robot_programs.krl.data import (
     PARAMETERS,
     SETTINGS,
     STATE,
-    STATUS,
     TOOL,
     Actions,
     File,
@@ -61,23 +62,22 @@ from robot_programs.krl.syntax import (
     Field,
     MotionLine,
     Operand,
-    Reference,
     Statement,
     arguments_of,
     bit_string,
     changes_nothing,
     closing,
-    lines_of_words,
-    parse_operand,
     split_at_commas,
+    structure,
+    value_of,
     whole_call,
-    words_of,
 )
 from robot_programs.krl.values import (
     COMPONENT,
     FIELD,
     FUNCTIONS_OF_NUMBERS,
     IN,
+    LENGTHS,
     NUMBERS,
     WHOLE,
     Real,
@@ -132,6 +132,12 @@ class MotionStep(Move):
     triggered: bool = False
     """A TRIGGER acts along it."""
     in_spline: bool = False
+
+    @property
+    def operands(self) -> Iterator[tuple[Operand, slice]]:
+        """The points of the text, and which of the form's they are."""
+        ends = list(accumulate(self.counts, initial=0))
+        return zip(self.statement.operands, starmap(slice, pairwise(ends)), strict=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -312,20 +318,30 @@ class Reader(Cursor):
         return value
 
     def _structure(self, start: int) -> Expression:
-        kind, parts = "", dict[Any, Expression]()
-        if self.behind_next.text == ":":
-            kind = self.take().upper
-            self.take()
-        while not self.accept("}"):
-            component, opening = self.take().upper, self.number
-            if self.next.text in ("[", "{") or component in parts:
-                raise self.problem(f"the component {component} is not evaluated")
-            value = self._inner()
-            text = " ".join(word.text for word in self.words[opening : self.number])
-            parts[component] = self.scope.part(component, text, value)
-            if not self.accept(",") and self.next.text != "}":
-                raise self.problem("a structure is not understood")
-        return Rec(at=self.span(start), kind=kind, parts=parts)
+        self.number -= 1
+        found = structure(self)
+        if all(map(self._is_plain, found.fields)):
+            return Lit(at=self.span(start), value=structured(found, self.file))
+        return Rec(at=self.span(start), kind=found.type, parts={one.name: self._component(one) for one in found.fields})
+
+    def _is_plain(self, one: Field) -> bool:
+        """Whether nothing is computed of a component; in a point those count alone that positions have."""
+        word = one.words[0]
+        plain = one.value is not None or word.kind in ("enum", "string") or word.upper in ("TRUE", "FALSE")
+        return plain or (self.moves and one.name not in NUMBERS)
+
+    def _component(self, one: Field) -> Expression:
+        """A component as it is written, of a structure of which some are computed."""
+        if one.value is not None:
+            number: Expression = Lit(at=(self.file, one.words[0].start, one.words[-1].end), value=one.value)
+            return self.scope.part(one, number)
+        if one.words[0].text == "{":
+            raise self.problem(f"the component {one.name} is not evaluated")
+        inner = Reader(one.words, self.scope, moves=self.moves)
+        inner.depth, before = self.depth + 1, self.height
+        value = self.scope.read(inner)
+        self.grow(max(before, inner.height))
+        return self.scope.part(one, value)
 
     def _function(self, name: str, start: int) -> Expression:
         arguments, ranges = list[Expression](), list[tuple[int, int]]()
@@ -375,15 +391,21 @@ class Scope:
         """The expression that some words are; a hole where they are none."""
         if not words:
             return Hole(at=(self.file, 0, 0), why="an expression ends too early")
-        called = set(self.called)
-        found = Reader(words, self, follows=follows, moves=moves).whole()
-        self.called = called if isinstance(found, Hole) else self.called
-        calls = isinstance(found, Hole) and any(word.text == "(" for word in words)
-        return self._perhaps(words, found) if calls and isinstance(found, Hole) else found
+        return self.read(Reader(words, self, follows=follows, moves=moves))
 
-    def _perhaps(self, words: Sequence[Word], hole: Hole) -> Expression:
-        """What is not understood, which may call what it names."""
-        return Ask(at=hole.at, name="", arguments=(hole,), changes=self.named(words, hole.at))
+    def read(self, reader: Reader) -> Expression:
+        """All words of a reader; what they may call if they are not understood."""
+        called = set(self.called)
+        found = reader.whole()
+        if not isinstance(found, Hole):
+            return found
+        self.called = called
+        calls = any(word.text == "(" for word in reader.words)
+        return (
+            Ask(at=found.at, name="", arguments=(found,), changes=self.named(reader.words, found.at))
+            if calls
+            else found
+        )
 
     def rest(self, line: Statement, *others: Statement) -> Block:
         """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise."""
@@ -393,14 +415,13 @@ class Scope:
         self.called.clear()
         return (flow.Step(line=Do(at=self.at(line), routines=routines, sure=False)),) if routines else ()
 
-    def part(self, component: str, text: str, value: Expression) -> Expression:
+    def part(self, one: Field, value: Expression) -> Expression:
         """A component of a structure as it is written."""
-        if isinstance(value, Lit) and isinstance(value.value, float) and component in NUMBERS:
-            long = component not in STATUS
-            return Lit(at=value.at, value=Real(value.value)) if long else value
-        if component not in NUMBERS:
+        if one.name not in NUMBERS:
             return value
-        return Op(at=value.at, sign=FIELD, operands=(value, Lit(at=value.at, value=(component, text))))
+        if isinstance(value, Lit) and isinstance(value.value, float):
+            return Lit(at=value.at, value=Real(value.value)) if one.name in LENGTHS else value
+        return Op(at=value.at, sign=FIELD, operands=(value, Lit(at=value.at, value=(one.name, one.text))))
 
     def asked(
         self, name: str, arguments: tuple[Expression, ...], given: Sequence[Sequence[Word]], at: Span, *, follows: bool,
@@ -568,17 +589,7 @@ class Scope:
             return
         path = () if line.index is None else (tuple(self.expression(one) for one in split_at_commas(line.index)),)
         target = self.ref(name, self.here, (*path, *component.split(".")) if component else path)
-        yield Assign(at=self.here, target=target, value=self._value(line))
-
-    def _value(self, line: Assignment) -> Expression:
-        stated = line.value.parts[0] if len(line.value.parts) == 1 else None
-        if isinstance(stated, Aggregate) and all(map(_is_plain, stated.fields)):
-            return self._stated(stated)
-        return self.expression(line.words, follows=True)
-
-    def _stated(self, stated: Aggregate) -> Lit:
-        at = (self.file, stated.start, stated.end)
-        return Lit(at=at, value=structured(stated, at))
+        yield Assign(at=self.here, target=target, value=self.expression(line.words, follows=True))
 
     def _set(self, settings: Mapping[str, Expression]) -> Iterator[Assign]:
         for name, value in settings.items():
@@ -616,19 +627,17 @@ class Scope:
             return {_SETTING_OF[name]: value}
         if name not in _STRUCTURES:
             return {}
-        parts = parse_operand(words).parts
-        if len(parts) != 1 or not isinstance(part := parts[0], Aggregate):
+        found = value_of(words)
+        if not isinstance(found, Aggregate):
             return {one: self._unknown() for one in _STRUCTURES[name].values()}
         stated = {
-            _STRUCTURES[name][one.name]: self._text(one.text) for one in part.fields if one.name in _STRUCTURES[name]
+            _STRUCTURES[name][one.name]: self.expression(one.words)
+            for one in found.fields
+            if one.name in _STRUCTURES[name]
         }
         if name == "$APO":  # what it does not state stays
             return stated
         return {one: stated.get(one, self._unknown()) for one in _STRUCTURES[name].values()}
-
-    def _text(self, text: str, *, moves: bool = False) -> Expression:
-        """An expression by its text."""
-        return self.expression(next(lines_of_words(text), []), moves=moves)
 
     def _component(self, name: str, component: str, words: Sequence[Word]) -> Expression:
         value = self.expression(words, follows=True)
@@ -722,7 +731,7 @@ class Scope:
         if line.keyword == "SPL" and not in_spline:
             why = why or "it is part of no SPLINE block"
         for operand in line.operands:
-            own = [self._part(part) for part in operand.parts] or [self._computed(line, operand)]
+            own = self._point(operand)
             points += own
             counts.append(len(own))
             for one in own:
@@ -733,30 +742,11 @@ class Scope:
             statement=line, routine=self.section, counts=tuple(counts), triggered=triggered, in_spline=in_spline,
         )  # fmt: skip
 
-    def _part(self, part: Aggregate | Reference) -> Expression:
-        at = (self.file, part.start, part.end)
-        if isinstance(part, Reference):
-            return self.expression(words_of(self.section.file.source.text, part.start, part.end), moves=True)
-        if all(one.value is not None or one.name not in NUMBERS for one in part.fields):
-            return self._stated(part)
-        parts: dict[Any, Expression] = {one.name: self._field(one) for one in part.fields}
-        return Rec(at=at, kind=part.type, parts=parts)
-
-    def _field(self, one: Field) -> Expression:
-        if one.value is not None:
-            return self.part(one.name, one.text, self._lit(one.value))
-        if one.name not in NUMBERS:
-            return self._lit(one.text.upper())
-        return self.part(one.name, one.text, self._text(one.text, moves=True))
-
-    def _computed(self, line: MotionLine, operand: Operand) -> Expression:
-        """A point that functions compute."""
-        words = line.words_of(operand)
-        return (
-            self.expression(words, follows=True, moves=True)
-            if words
-            else self._unknown("its point is not stated in the text")
-        )
+    def _point(self, operand: Operand) -> Sequence[Expression]:
+        """A point: structures and variables that are joined by ``:``, or one that is computed."""
+        found = self.expression(operand.words, follows=True, moves=True)
+        parts = _factors(found)
+        return parts if all(map(is_stated, parts)) else (found,)
 
     def _settings(self, line: MotionLine) -> Mapping[str, Expression]:
         """On what a motion depends beside its points."""
@@ -775,9 +765,16 @@ class Scope:
         return own
 
 
-def _is_plain(one: Field) -> bool:
-    """Whether nothing is computed of a component."""
-    return one.value is not None or one.text[:1] in '#"' or one.text.upper() in ("TRUE", "FALSE")
+def _factors(found: Expression) -> tuple[Expression, ...]:
+    if isinstance(found, Op) and found.sign == ":":
+        left, right = found.operands
+        return (*_factors(left), right)
+    return (found,)
+
+
+def is_stated(point: Expression) -> bool:
+    """Whether a point is a structure or a variable, and not computed."""
+    return isinstance(point, Ref | Rec) or (isinstance(point, Lit) and isinstance(point.value, Structure))
 
 
 class _Blocks:

@@ -25,21 +25,15 @@ from robot_programs.core.program import (
 )
 from robot_programs.core.values import Here, Lost, Origin, Settable, Structure, by_hand, plain
 from robot_programs.krl.data import (
-    AXES,
     BASE,
     MODE,
     ORIENTATION,
     PARAMETERS,
     PLACES,
-    POSE,
     STATE,
     TABLES,
     TOOL,
     Datum,
-    has_axes,
-    has_pose,
-    pose,
-    whole,
 )
 from robot_programs.krl.lower import (
     CARRIED,
@@ -53,6 +47,7 @@ from robot_programs.krl.lower import (
     WITH,
     Lowered,
     MotionStep,
+    is_stated,
 )
 from robot_programs.krl.points import (
     ACCURATE_BIT,
@@ -72,23 +67,28 @@ from robot_programs.krl.points import (
     to_angle,
     turned,
 )
-from robot_programs.krl.syntax import RELATIVE_MOTIONS, Aggregate, Operand
+from robot_programs.krl.syntax import RELATIVE_MOTIONS, Operand
 from robot_programs.krl.values import (
     ARRAY,
+    AXES,
     COMPONENT,
     FIELD,
     LENGTHS,
+    POSE,
     ZERO,
     Real,
     SettableReal,
     Stated,
-    as_aggregate,
+    as_position,
     frame_of,
     framed,
+    has_any,
     is_whole,
+    number_in,
     operate,
+    pose,
     real,
-    structured,
+    whole,
     without_origin,
 )
 from taskcal_groundwork import se3
@@ -205,8 +205,9 @@ class KrlMeaning(Meaning):
 
     def _stated(self, datum: Datum) -> Any:
         value = datum.value
-        if isinstance(value, Aggregate):
-            return structured(value, (datum.file.number, value.start, value.end), datum)
+        if isinstance(value, Structure):
+            assert value.origin is not None
+            return replace(value, origin=replace(value.origin, owner=datum))
         if isinstance(value, bool):
             return by_hand(value)
         return SettableReal(value) if datum.variable in self.lowered.names.real_numbers else Settable(value)
@@ -243,7 +244,7 @@ class KrlMeaning(Meaning):
             case Structure():
                 once = self.lowered.names.set_once.get(value.origin.at[:2]) if value.origin is not None else None
                 if once is not None and value.origin is not None:
-                    return replace(value, origin=Stated(at=value.origin.at, owner=None, by=once))
+                    return replace(value, origin=replace(value.origin, owner=once))
                 return without_origin(value)
             case float():
                 return self._number(name, value)
@@ -372,7 +373,7 @@ class KrlMeaning(Meaning):
         raise Unresolved(f"what {ask.name}() gives is known only at run time")
 
     def _held(self, name: str, value: Structure, table: Table) -> Structure:
-        pose(as_aggregate(value, lambda reason: f"{name} {reason}"))  # refuses what is not complete
+        pose(as_position(value, lambda reason: f"{name} {reason}"))  # refuses what is not complete
         parts: dict[Hashable, Any] = {one: value.parts[one] for one in POSE}
         return Structure(kind="FRAME", parts=parts, origin=Held(at=(0, 0, 0), owner=None, name=name, table=table))
 
@@ -441,7 +442,7 @@ class KrlMeaning(Meaning):
 
     def _of_parameters(self, array: str, parameters: Any, elements: Any, *mechanisms: Any) -> Structure:
         """Tool or base of a set of frame parameters (FDAT)."""
-        number = _number_in(_parameters(parameters), "TOOL_NO" if array == "TOOL_DATA" else "BASE_NO")
+        number = number_in(_parameters(parameters), "TOOL_NO" if array == "TOOL_DATA" else "BASE_NO")
         value = self._numbered(array, number, elements)
         return self._on_its_mechanism(value, number, *mechanisms) if mechanisms and number else value
 
@@ -452,7 +453,7 @@ class KrlMeaning(Meaning):
         if isinstance(carried, Lost) and carried.reason == _NOT_GIVEN:
             return value
         try:
-            index = _number_in(self._element("MACHINE_FRAME_DAT", bases, number), "MACH_DEF_INDEX")
+            index = number_in(self._element("MACHINE_FRAME_DAT", bases, number), "MACH_DEF_INDEX")
             if index == 0:
                 return value
             if index is None:
@@ -460,7 +461,7 @@ class KrlMeaning(Meaning):
             machine = self._element("MACHINE_DEF", machines, index)
         except Unresolved as trouble:
             raise Unresolved(Reason(f"what carries {base} is not known: {trouble}", of=[trouble])) from None
-        kind, controller = plain(machine.parts.get("MECH_TYPE", "")), _number_in(machine, "COOP_KRC_INDEX")
+        kind, controller = plain(machine.parts.get("MECH_TYPE", "")), number_in(machine, "COOP_KRC_INDEX")
         match kind:
             case "#NONE":
                 return value
@@ -555,11 +556,7 @@ class KrlMeaning(Meaning):
     def _motion(self, line: MotionStep, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
         statement, section = line.statement, line.routine
         kind = KINDS[statement.keyword]
-        written = list[Written]()
-        at = 0
-        for operand, count in zip(statement.operands, line.counts, strict=True):
-            written.append(self._written(line, operand, line.points[at : at + count], points[at : at + count]))
-            at += count
+        written = [self._written(line, one, line.points[own], points[own]) for one, own in line.operands]
         first = written[-1].first
         relative = statement.keyword in RELATIVE_MOTIONS
         leans = relative or is_incomplete(first) or bool(statement.angle)
@@ -614,7 +611,7 @@ class KrlMeaning(Meaning):
             carrier=frames.carrier,
         )
         site = Site(
-            file=section.file, motion=statement, written=tuple(written), leans=leans or first.type == "$POS_ACT"
+            file=section.file, motion=statement, written=tuple(written), leans=leans or first.kind == "$POS_ACT"
         )
         return FoundMotion(motion=move, written=site, meaning=_meaning(move, site))
 
@@ -622,28 +619,26 @@ class KrlMeaning(Meaning):
         self, line: MotionStep, operand: Operand, expressions: Sequence[Expression], values: Sequence[Any]
     ) -> Written:
         """Place of the numbers of a point."""
-        aggregates, datum, computed = list[Aggregate](), None, True
+        stated, datum, computed = list[Structure](), None, True
         for k, (expression, value) in enumerate(zip(expressions, values, strict=True)):
             said = partial(self.lost, expression, expression.name) if isinstance(expression, Ref) else None
             if isinstance(expression, Ref) and not isinstance(value, Structure):
                 raise Unresolved(f"{expression.name} is set to something that is not a position")
-            aggregates.append(as_aggregate(value, said))
-            if k == 0 and operand.parts and isinstance(value.origin, Stated):
-                named, by = isinstance(expression, Ref), value.origin.by
+            stated.append(as_position(value, said))
+            if k == 0 and is_stated(expression) and isinstance(value.origin, Stated):
+                named, by = isinstance(expression, Ref), value.origin.owner
                 datum = by if named and isinstance(by, Datum) else None
                 computed = named and datum is None
-        return Written(
-            operand=operand, aggregates=tuple(aggregates), datum=datum, file=line.routine.file, computed=computed
-        )
+        return Written(operand=operand, stated=tuple(stated), datum=datum, file=line.routine.file, computed=computed)
 
     def _target(self, line: MotionStep, written: Written, kind: MotionKind, before: Motion | None) -> Target:
-        first, last = written.first, written.aggregates[-1]
+        first, last = written.first, written.stated[-1]
         source = line.routine.file.source
         place = source.place(written.operand.start) if written.datum is None else written.datum.place
         name = "" if written.datum is None else written.datum.name
         relative = line.statement.keyword in RELATIVE_MOTIONS
-        if has_axes(first) and not has_pose(first):
-            if len(written.aggregates) > 1:
+        if has_any(first, AXES) and not has_any(first, POSE):
+            if len(written.stated) > 1:
                 raise Unresolved("a frame is added to axis positions")
             q = axes_at_end(first, before, relative=relative)
             return Target(name=name, T=None, q=q, posture=None, place=place)
@@ -710,11 +705,6 @@ def _parameters(value: Any) -> Structure:
     return value
 
 
-def _number_in(value: Any, name: str) -> float | None:
-    found = value.parts.get(name) if isinstance(value, Structure) else None
-    return found if isinstance(found, float) else None
-
-
 def _oriented(parameters: Any) -> str:
     """$ORI_TYPE by a set of motion parameters (LDAT)."""
     found = plain(_parameters(parameters).parts.get("ORI_TYP", VARIABLE))
@@ -733,7 +723,7 @@ def _passed(kind: str, parameters: Any, before: Any = None) -> float:
     """
     stated = _parameters(parameters)
     mode = plain(stated.parts.get("APO_MODE", "#CPTP"))
-    size = before if kind and (mode == "#CDIS") != (kind == "#CDIS") else _number_in(stated, "APO_DIST")
+    size = before if kind and (mode == "#CDIS") != (kind == "#CDIS") else number_in(stated, "APO_DIST")
     if not isinstance(size, float) or size < 0.0:
         raise Unresolved("how near motions pass by their targets is not known")
     return float(size)

@@ -29,24 +29,22 @@ from robot_programs.core.program import Motion, Target, Unresolved
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.sharing import Pose
 from robot_programs.core.source import Place, Source
-from robot_programs.core.values import Lost, Origin
-from robot_programs.krl.data import (
+from robot_programs.core.values import Lost, Origin, Structure
+from robot_programs.krl.data import Datum, File
+from robot_programs.krl.syntax import MotionLine, Operand
+from robot_programs.krl.values import (
     AXES,
     EXTERNAL,
     POSE,
-    Datum,
-    File,
+    STATUS,
     axes,
     external,
     frame,
-    has_axes,
-    has_pose,
-    has_status,
+    has_any,
     pose,
     pose_values,
     rotation_stated,
 )
-from robot_programs.krl.syntax import Aggregate, MotionLine, Operand
 from taskcal_groundwork import se3
 
 # Status and turn.
@@ -139,7 +137,7 @@ class Written:
     """A point of a motion as it is written."""
 
     operand: Operand
-    aggregates: tuple[Aggregate, ...]
+    stated: tuple[Structure, ...]
     """What it states, and what is added to it by ``:``."""
     datum: Datum | None
     """Where it is a variable, or starts with one."""
@@ -149,14 +147,14 @@ class Written:
     """Code computes the first of these, so that its numbers stand nowhere in the text."""
 
     @property
-    def first(self) -> Aggregate:
+    def first(self) -> Structure:
         """What it states."""
-        return self.aggregates[0]
+        return self.stated[0]
 
     @property
-    def stating(self) -> Aggregate:
+    def stating(self) -> Structure:
         """Which states status and turn: of a sum its last part, where that does."""
-        return self.aggregates[-1] if has_status(self.aggregates[-1]) else self.first
+        return self.stated[-1] if has_any(self.stated[-1], STATUS) else self.first
 
     @property
     def template(self) -> Source:
@@ -169,8 +167,7 @@ class Written:
         datum = self.datum
         if self.computed or (datum is not None and (datum.shared or datum.file.module != self.file.module)):
             return None
-        file = self.file if datum is None else datum.file
-        return Origin(at=(file.number, self.first.start, self.first.end), owner=datum)
+        return self.first.origin
 
     @cached_property
     def offset(self) -> Pose:
@@ -180,19 +177,19 @@ class Written:
             Unresolved: it is no frame.
         """
         T = np.eye(4)
-        for aggregate in self.aggregates[1:]:
-            T = T @ frame(aggregate)
+        for added in self.stated[1:]:
+            T = T @ frame(added)
         return T
 
     def with_offset(self, T: Pose) -> Pose:
         """The pose to which the motion leads, by the one to which is added."""
-        return T @ self.offset if len(self.aggregates) > 1 else T
+        return T @ self.offset if len(self.stated) > 1 else T
 
     def without_offset(self, T: Pose) -> Pose:
         """The inverse; of an auxiliary point that does not state them, angles do not count."""
-        if len(self.aggregates) == 1:
+        if len(self.stated) == 1:
             return T
-        R = T[:3, :3] if any(map(self.first.field, "ABC")) else self.offset[:3, :3]
+        R = T[:3, :3] if has_any(self.first, "ABC") else self.offset[:3, :3]
         return se3.pose(R, T[:3, 3]) @ se3.inverse(self.offset)
 
 
@@ -223,48 +220,47 @@ VARIABLE, CONSTANT, JOINT = "#VAR", "#CONSTANT", "#JOINT"
 UNKNOWN = "it counts from where the motion before ended, and that is not known"
 
 
-def is_incomplete(aggregate: Aggregate) -> bool:
+def is_incomplete(point: Structure) -> bool:
     """Whether components of a pose, or axes, are left out."""
-    names = POSE if has_pose(aggregate) else AXES
-    return not {component.name for component in aggregate.fields}.issuperset(names)
+    return any(name not in point.parts for name in (POSE if has_any(point, POSE) else AXES))
 
 
-def axes_at_end(aggregate: Aggregate, before: Motion | None, *, relative: bool) -> Float[np.ndarray, " joints"]:
+def axes_at_end(point: Structure, before: Motion | None, *, relative: bool) -> Float[np.ndarray, " joints"]:
     """Joint positions, those left out as they were, or moved by angles, radians.
 
     Raises:
         Unresolved: where the motion before ended is not known by its joints.
     """
-    missing = next((name for name in AXES if not aggregate.field(name)), "")
+    missing = next((name for name in AXES if name not in point.parts), "")
     if not (relative or missing):
-        return axes(aggregate)
+        return axes(point)
     if before is None or before.end.q is None:
         raise Unresolved(UNKNOWN if relative else f"{missing} is not stated, and {UNKNOWN}")
-    given = axes(aggregate, needed=())
+    given = axes(point, needed=())
     if relative:
         return before.end.q + given
-    return np.where([aggregate.field(name) is not None for name in AXES], given, before.end.q)
+    return np.where([name in point.parts for name in AXES], given, before.end.q)
 
 
-def completed_pose(aggregate: Aggregate, before: Motion | None) -> Float[np.ndarray, "4 4"]:
+def completed_pose(point: Structure, before: Motion | None) -> Float[np.ndarray, "4 4"]:
     """A pose, what is left out as it was; either all of A, B and C are, or none.
 
     Args:
-        aggregate: the point.
+        point: the point.
         before: the motion before, with the same tool and base.
 
     Raises:
         Unresolved: it is not known where that ended, or only some of the angles are stated.
     """
-    if not is_incomplete(aggregate):
-        return pose(aggregate)
+    if not is_incomplete(point):
+        return pose(point)
     if before is None or before.end.T is None:
-        missing = next(name for name in POSE if not aggregate.field(name))
+        missing = next(name for name in POSE if name not in point.parts)
         raise Unresolved(f"{missing} is not stated, and {UNKNOWN}")
-    oriented = rotation_stated(aggregate)
+    oriented = rotation_stated(point)
     kept = pose_values(before.end.T)
-    position = [kept[name] if aggregate.field(name) is None else None for name in "XYZ"]
-    T = pose(aggregate, needed=())
+    position = [None if name in point.parts else kept[name] for name in "XYZ"]
+    T = pose(point, needed=())
     xyz = [own if old is None else old * 1e-3 for own, old in zip(T[:3, 3], position, strict=True)]
     return se3.pose(T[:3, :3] if oriented else before.end.T[:3, :3], np.array(xyz))
 
@@ -332,14 +328,14 @@ def at_angle(
     return middle, end
 
 
-def refuse_moved_axes(aggregate: Aggregate) -> None:
+def refuse_moved_axes(point: Structure) -> None:
     """Let no external axis be moved by a distance, which would be taken for its position.
 
     Raises:
         Unresolved: one is.
     """
     for name in EXTERNAL:
-        if aggregate.field(name) and aggregate.value(name) != 0.0:
+        if point.parts.get(name, 0.0) != 0.0:
             raise Unresolved(
                 f"it moves {name} by a distance that is not added here; write a motion to a complete point"
             )
@@ -375,17 +371,17 @@ def distance(written: Written) -> Float[np.ndarray, "4 4"]:
         Unresolved: it is not stated as a frame.
     """
     first = written.first
-    if has_axes(first) or not has_pose(first):
+    if has_any(first, AXES) or not has_any(first, POSE):
         refuse_moved_axes(first)
         raise Unresolved("its distance is not stated by X, Y and Z")
     return written.with_offset(frame(first))
 
 
-def external_axes(aggregate: Aggregate, *, relative: bool) -> tuple[float, ...]:
+def external_axes(point: Structure, *, relative: bool) -> tuple[float, ...]:
     """Positions of the external axes at the end of a motion; NaN where they stay as they are."""
     if not relative:
-        return external(aggregate)
-    refuse_moved_axes(aggregate)
+        return external(point)
+    refuse_moved_axes(point)
     return (math.nan,) * len(EXTERNAL)
 
 
@@ -400,7 +396,7 @@ def auxiliary(
     if relative:
         T = moved_pose(distance(written), before, by_tool=False)
         return Target(name=name, T=T, q=None, posture=None, place=place)
-    oriented = any(first.field(name) for name in "ABC")
+    oriented = has_any(first, "ABC")
     T = written.with_offset(pose(first) if oriented else pose(first, needed=("X", "Y", "Z")))
     if not oriented:
         T[:3, :3] = end[:3, :3]

@@ -15,7 +15,6 @@ from robot_programs.krl.data import (
     File,
     Names,
     given_data,
-    stated,
 )
 from robot_programs.krl.lower import Lowered, MotionStep, lowered
 from robot_programs.krl.meaning import KrlMeaning
@@ -53,8 +52,8 @@ def read_krl(
     given = {name.upper(): frame for name, frame in {**(tools or {}), **(parts or {})}.items()}
     if data:
         beside = given_data(len(files), data)
-        for datum in (datum for file in files for datum in stated(file) if datum.shared):
-            if any(datum.name == other.name for other in stated(beside)):
+        for datum in (datum for file in files for datum in file.stated if datum.shared):
+            if any(datum.name == other.name for other in beside.stated):
                 raise InputError(f"{datum.name} is stated in {datum.place}; leave it out beside the files")
         files = (*files, beside)
     names = Names(files=files)
@@ -157,7 +156,7 @@ def _taken(files: Sequence[File], names: Names) -> Iterator[Diagnostic]:
     """Values that are stated once beside the files, and that several programs take."""
     beside = next((file for file in files if file.source.path == GIVEN), None)
     shared = "is stated once beside the files, and taken in {}; pass the data list of those that have their own"
-    for datum in sorted(stated(beside), key=lambda one: one.name) if beside is not None else ():
+    for datum in sorted(beside.stated, key=lambda one: one.name) if beside is not None else ():
         modules = {
             file.module
             for file in files

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from robot_programs.core.flow import Loop
-from robot_programs.core.form import Span, Text
+from robot_programs.core.form import Ref, Span, Text
 from robot_programs.core.program import (
     Composition,
     Motion,
@@ -26,37 +26,32 @@ from robot_programs.core.program import (
 from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.sharing import SharingProgram, Spelling, Use, points_of
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
-from robot_programs.core.values import Origin
+from robot_programs.core.values import Origin, Structure
 from robot_programs.core.written_out import Repeated, Table, Turns
-from robot_programs.krl.data import (
-    AXES,
-    DECIMALS,
-    EXTERNAL,
-    POSE,
-    STATUS,
-    Datum,
-    File,
-    Routine,
-    axis_values,
-    calls_of,
-    edits_for,
-    has_pose,
-    has_status,
-    numbers_in,
-    pose_values,
-    whole,
-)
+from robot_programs.krl.data import Datum, File, Routine, calls_of
 from robot_programs.krl.helper import calls_function, wrap
-from robot_programs.krl.lower import Coded
+from robot_programs.krl.lower import Coded, MotionStep
 from robot_programs.krl.points import Site, Status, Written
 from robot_programs.krl.syntax import (
     BLOCKS,
     Assignment,
     Control,
     End,
-    MotionLine,
-    Reference,
     Statement,
+)
+from robot_programs.krl.values import (
+    AXES,
+    DECIMALS,
+    EXTERNAL,
+    POSE,
+    STATUS,
+    axis_values,
+    edits_for,
+    has_any,
+    numbers_in,
+    pose_values,
+    texts_in,
+    whole,
 )
 from taskcal_groundwork.errors import InputError
 
@@ -110,7 +105,7 @@ class KrlProgram(SharingProgram):
             lines = ((file, line) for file in again.files for line in file.statements if calls_function(line, function))
             return again, {file.source.place(line.start) for file, line in lines}
 
-        return wrapping(self, wrap(self.files, motions, function, without), added, cleared)
+        return wrapping(self, wrap(self.files, self.routines, motions, function, without), added, cleared)
 
     def spelling(self, robot: Robot, waypoints: Paths) -> "KrlSpelling":
         """Numbers are changed where they stand; else the data list states others beside them, or the motion its own.
@@ -223,7 +218,7 @@ class KrlProgram(SharingProgram):
     def is_listable(self, number: int, routine: Coded) -> bool:
         """Whether an element of an array may hold the target of a motion, with all that counts of it there."""
         site, motion = self.sites[number], self.motions[number]
-        last = site.written[-1].aggregates[-1]
+        last = site.written[-1].stated[-1]
         stated = motion.kind == "linear" or (whole(last, "S") is not None and whole(last, "T") is not None)
         return stated and len(site.written) == 1 and motion.end.T is not None and not site.leans
 
@@ -251,9 +246,16 @@ class KrlProgram(SharingProgram):
         numbers: dict[tuple[int, int], list[int]] = defaultdict(list)
         for i, site in enumerate(self.sites):
             numbers[site.text].append(i)
+        named_by = {
+            step.at[:2]: frozenset(_named(step))
+            for one in self.routines
+            for step in one.lines
+            if isinstance(step, MotionStep)
+        }
         for file in self.files:
             for routine in file.sections:
-                points = {name for line in routine.lines if isinstance(line, MotionLine) for name in _named(line)}
+                own = {line.start: named_by.get((file.number, line.start)) for line in routine.lines}
+                points = frozenset[str]().union(*filter(None, own.values()))
                 sets: dict[str, frozenset[str]] = {}
                 times: Counter[str] = Counter()
                 for line in routine.lines:
@@ -262,8 +264,7 @@ class KrlProgram(SharingProgram):
                         times[line.name] += line.name not in read
                         named = frozenset(points & read) - {line.name}
                         sets[line.name] = named.union(*(sets.get(name, ()) for name in named))
-                    elif isinstance(line, MotionLine):
-                        named = frozenset(_named(line))
+                    elif named := own[line.start]:
                         for name in named.union(*(sets.get(name, ()) for name in named)):
                             for i in numbers.get((file.number, line.start), (None,)):
                                 target = (routine, name, times[name])
@@ -328,7 +329,7 @@ def _stated(number: int, site: Site) -> Iterator[Use[Numbers]]:
     """The points of a motion."""
     for written in site.written:
         numbers, operand = Numbers(values=numbers_in(written.first)), written.operand
-        posed = len(site.written) == 1 and has_pose(written.first)
+        posed = len(site.written) == 1 and has_any(written.first, POSE)
         yield Use(
             motion=number, text=(site.file.number, operand.start, operand.end), slot=written.slot, numbers=numbers,
             wanted=numbers, point=(written, None), counts_from=site.before if site.leans else (),
@@ -342,7 +343,7 @@ def _moved(use: Use[Numbers], robot: Robot, waypoint: Waypoint) -> Use[Numbers]:
     first, values, before = written.first, values_at(robot, written, waypoint), use.numbers.values
     own = {name: values.get(name, value) for name, value in before.items()}
     moved = replace(use, wanted=Numbers(values=own), point=(written, waypoint))
-    if len(written.aggregates) == 1:
+    if len(written.stated) == 1:
         return moved
     assert waypoint.T is not None
     base, slot = pose_values(written.without_offset(waypoint.T), first), use.slot
@@ -359,8 +360,8 @@ def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, f
     first, T = written.first, waypoint.T
     values = axis_values(waypoint.q) if T is None else pose_values(T, first)
     beside = zip(EXTERNAL, waypoint.external, strict=False)
-    values |= {name: value for name, value in beside if first.field(name) and not isnan(value)}
-    has_posture = T is not None and (has_status(written.stating) or not has_pose(first))
+    values |= {name: value for name, value in beside if name in first.parts and not isnan(value)}
+    has_posture = T is not None and (has_any(written.stating, STATUS) or not has_any(first, POSE))
     if has_posture and not np.isnan(waypoint.q).any():  # else it is written again where it was
         S, turn = (whole(written.stating, name) or 0 for name in STATUS)
         status = Status(S=S, T=turn).of(robot, waypoint.q)
@@ -372,11 +373,11 @@ def literal(robot: Robot, written: Written, waypoint: Waypoint) -> str:
     """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
     first, values = written.first, values_at(robot, written, waypoint)
     names = [name for name in values if name in POSE or name in AXES]
-    numbers = all(map(first.field, names)) and all(part.value is not None for part in first.fields)
-    if numbers and not written.computed and (written.stating is first or "S" not in values):
-        return written.template.piece(first.start, first.end, edits_for(first, values))
+    stated = first.parts.keys() >= {*names} and all(isinstance(part, float) for part in first.parts.values())
+    if stated and not written.computed and first.origin and (written.stating is first or "S" not in values):
+        return written.template.piece(*first.origin.at[1:], edits_for(first, values))
     type_, names = ("E6AXIS", EXTERNAL) if waypoint.T is None else ("E6POS", (*STATUS, *EXTERNAL))
-    kept = {one.name: one.text for one in (*first.fields, *written.stating.fields) if one.name in names}
+    kept = {name: text for one in (first, written.stating) for name, text in texts_in(one).items() if name in names}
     return braces({**kept, **values}, type_)
 
 
@@ -474,6 +475,7 @@ class KrlSpelling(Spelling[Numbers]):
         if (
             datum is None
             or declared is None
+            or not isinstance(datum.value, Structure)
             or len(declared.variables) > 1
             or not values.keys() <= use.numbers.values.keys()
         ):
@@ -483,7 +485,7 @@ class KrlSpelling(Spelling[Numbers]):
         start, end = source.text.rfind("\n", 0, datum.start) + 1, source.text.find("\n", datum.start) + 1
         at = end or len(source.text)
         renamed = TextEdit(start=datum.start, end=behind, text=name)
-        line = source.piece(start, at, [renamed, *edits_for(datum.aggregate, values)])
+        line = source.piece(start, at, [renamed, *edits_for(datum.value, values)])
         text = line if end else source.newline + line
         self.edits[datum.file.number].append(TextEdit(start=at, end=at, text=text))
         return name
@@ -499,9 +501,11 @@ class KrlSpelling(Spelling[Numbers]):
             self.edits[site.file.number].append(TextEdit(start=line, end=line, text=text))
 
 
-def _named(motion: MotionLine) -> Iterator[str]:
-    for operand in motion.operands:
-        yield from (part.name for part in operand.parts if isinstance(part, Reference))
+def _named(motion: MotionStep) -> Iterator[str]:
+    text = motion.routine.file.source.text
+    for point in motion.points:
+        if isinstance(point, Ref):
+            yield "".join(text[point.at[1] : point.at[2]].upper().split())
 
 
 # A new KRL program of given motions.

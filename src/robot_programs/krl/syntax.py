@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite
@@ -9,6 +10,7 @@ from typing import NamedTuple
 
 from robot_programs.core import kit
 from robot_programs.core.kit import Word, Words, opens, parted
+from robot_programs.core.program import Unresolved
 
 # The words of KRL, line by line; comments and file headers have none.
 
@@ -65,61 +67,40 @@ FRAMES_OF_DISTANCES = frozenset({"#BASE", "#TOOL"})
 
 
 class Field(NamedTuple):
-    """A component of an aggregate, such as ``X 12.5``."""
+    """A component of a structure, such as ``X 12.5``."""
 
     name: str
     """In capitals."""
-    text: str
-    """Its value as written."""
+    words: Sequence[Word]
+    """Its value."""
     value: float | None
     """None where it is not a number."""
-    start: int
-    """First character of the value."""
-    end: int
     touches: bool
     """No blank stands before the value."""
 
+    @property
+    def text(self) -> str:
+        """Its value as written, words that no symbol parts with a blank between them."""
+        if len(self.words) == 1:
+            return self.words[0].text
+        behind = (w.text if "symbol" in (before.kind, w.kind) else f" {w.text}" for before, w in pairwise(self.words))
+        return self.words[0].text + "".join(behind)
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Aggregate:
+
+class Aggregate(NamedTuple):
     """Values in braces, such as ``{E6POS: X 12.5, Y 0}``."""
 
     type: str
     """As written before the colon, in capitals; empty without."""
-    fields: tuple[Field, ...]
+    fields: Sequence[Field]
     start: int
     end: int
 
-    def field(self, name: str) -> Field | None:
-        """The component of that name."""
-        for component in self.fields:
-            if component.name == name:
-                return component
-        return None
 
-    def value(self, name: str) -> float | None:
-        """The number in a component; None where there is none."""
-        component = self.field(name)
-        return None if component is None else component.value
+class Operand(NamedTuple):
+    """A point of a motion."""
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reference:
-    """A variable, or an element of an array."""
-
-    name: str
-    """In capitals, with its index: ``TOOL_DATA[3]``."""
-    start: int
-    end: int
-    index: tuple[tuple[Word, ...], ...] = ()
-    """Expressions of its index, where that is not a number."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Operand:
-    """Aggregates and variables joined by the geometric operator; no parts where it is anything else."""
-
-    parts: tuple[Aggregate | Reference, ...]
+    words: Sequence[Word]
     start: int
     end: int
 
@@ -157,11 +138,10 @@ class Declared:
 
     name: str
     """In capitals; of an array without its size."""
-    value: Operand | None
-    """Where it starts with one."""
+    words: tuple[Word, ...]
+    """The value with which it starts; none without."""
     start: int
     """First character of the name."""
-    end: int
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -182,15 +162,17 @@ class Assignment(Statement):
     """Of what is assigned, in capitals, with index and components: ``$VEL.CP``, ``TOOL_DATA[1]``."""
     variable: str
     """The variable itself."""
-    value: Operand
-    text: str
-    """The value as written, in capitals and without blanks."""
     index: tuple[Word, ...] | None
     """Of an element: what stands between the brackets."""
     component: str
     """Of a structure, in capitals; empty where all of it is assigned."""
     words: tuple[Word, ...]
     """The value."""
+
+    @property
+    def text(self) -> str:
+        """The value as written, in capitals and without blanks."""
+        return joined(self.words)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -213,10 +195,6 @@ class MotionLine(Statement):
     words: tuple[Word, ...] = ()
     """What stands behind the keyword, if functions are called there."""
 
-    def words_of(self, operand: Operand) -> tuple[Word, ...]:
-        """The words of one of its points, if functions are called in the motion."""
-        return tuple(word for word in self.words if operand.start <= word.start and word.end <= operand.end)
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Call(Statement):
@@ -229,7 +207,7 @@ class Call(Statement):
     @property
     def command(self) -> str:
         """The first argument, in capitals."""
-        return "".join(word.upper for word in self.arguments[0])
+        return joined(self.arguments[0])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -257,156 +235,98 @@ class Control(Statement):
     """What stands behind it."""
 
 
-# The words of a line of KRL, taken one after the other: operands, structures and what WITH sets.
+# Parts of a line: structures, points, and what WITH sets.
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
 _BEHIND_OPERANDS = (",", *PASSING, *FRAMES_OF_DISTANCES, "WITH")
 QUOTES = frozenset("'\"")
 
 
-class Cursor(Words):
-    """The words of a line, one after the other."""
-
-    def at_kind(self, kind: str) -> bool:
-        """Whether a word of a kind comes next."""
-        return self.next.kind == kind
-
-    def skip_to(self, *stops: str) -> None:
-        """Pass over words up to one that stops, outside of any bracket."""
-        depth = 0
-        for i in range(self.number, len(self.words)):
-            if depth == 0 and self.words[i].upper in stops:
-                self.number = i
-                return
-            depth += opens(self.words[i])
-        self.number = len(self.words)
-
-    def skip_brackets(self) -> None:
-        """Pass over an index or a size."""
-        if self.accept("["):
-            self.skip_to("]")
-            self.accept("]")
-
-    def settings(self) -> dict[str, tuple[Word, ...]]:
-        """Assignments behind WITH, by the name of what they set."""
-        out: dict[str, tuple[Word, ...]] = {}
-        while not self.done and not self.at(*PASSING):
-            name = "".join(word.upper for word in self.taken_to("=", *PASSING))
-            self.accept("=")
-            out[name] = self.taken_to(",", *PASSING)
-            self.accept(",")
-        return out
-
-    def taken_to(self, *stops: str) -> tuple[Word, ...]:
-        """Words up to one that stops, outside of any bracket."""
-        start = self.number
-        self.skip_to(*stops)
-        return tuple(self.words[start : self.number])
-
-    def operand(self) -> Operand:
-        """Aggregates and variables joined by colons; no parts where it is anything else."""
-        if self.done:
-            last = self.words[-1].end if self.words else 0
-            return Operand(parts=(), start=last, end=last)
-        start = self.number
-        parts: list[Aggregate | Reference] = []
-        known = True
-        while True:
-            part = self._part()
-            if part is None:
-                known = False
-                break
-            parts.append(part)
-            if not self.accept(":"):
-                break
-        if not known or not (self.done or self.at(*_BEHIND_OPERANDS)):
-            known = False
-            self.skip_to(*_BEHIND_OPERANDS)
-        words = self.words[start : max(self.number, start + 1)]
-        return Operand(parts=tuple(parts) if known else (), start=words[0].start, end=words[-1].end)
-
-    def _part(self) -> Aggregate | Reference | None:
-        if self.at("{"):
-            return self._aggregate()
-        if not self.at_kind("name") or self.at(*PASSING, "WITH"):
-            return None
-        name = self.take()
-        if not self.at("["):
-            return Reference(name=name.upper, start=name.start, end=name.end)
-        opening = self.number
-        self.skip_brackets()
-        words = self.words[opening : self.number]
-        if words[-1].text != "]" or len(words) < 3 or self.at("."):
-            return None
-        plain = len(words) == 3 and words[1].kind == "number"
-        return Reference(
-            name=f"{name.upper}{''.join(word.upper for word in words)}",
-            start=name.start,
-            end=words[-1].end,
-            index=() if plain else split_at_commas(words[1:-1]),
-        )
-
-    def _aggregate(self) -> Aggregate | None:
-        opening = self.take()
-        kind = ""
-        if self.at_kind("name") and self.behind_next.text == ":":
-            kind = self.take().upper
-            self.take()
-        fields: dict[str, Field] = {}
-        while not self.at("}"):
-            field = self._field()
-            if field is None or field.name in fields:
-                return None
-            fields[field.name] = field
-            if not self.accept(",") and not self.at("}"):
-                return None
-        return Aggregate(type=kind, fields=tuple(fields.values()), start=opening.start, end=self.take().end)
-
-    def _field(self) -> Field | None:
-        if not self.at_kind("name"):
-            return None
-        name = self.take()
-        start, found = self.number, self.words
-        number = start + self.at("+", "-")
-        if number + 1 < len(found) and found[number].kind == "number" and found[number + 1].text in (",", "}"):
-            behind, self.number = name.end, number + 1  # nearly all
-        else:
-            self.skip_brackets()
-            behind, start = self.end, self.number
-            self.skip_to(",", "}")
-        words = found[start : self.number]
-        if (
-            self.done or not words or not QUOTES.isdisjoint([word.text for word in words])
-        ):  # a quote that is a word has no other end
-            return None
-        text = _joined(words)
-        return Field(
-            name=name.upper,
-            text=text,
-            value=_number(words),
-            start=words[0].start,
-            end=words[-1].end,
-            touches=behind == words[0].start,
-        )
+def joined(words: Iterable[Word]) -> str:
+    """Words as one, in capitals."""
+    return "".join(word.upper for word in words)
 
 
-def _joined(words: Sequence[Word]) -> str:
-    """Words in a row, those that no symbol parts with a blank between them."""
-    if len(words) == 1:
-        return words[0].text
-    behind = (w.text if "symbol" in (before.kind, w.kind) else f" {w.text}" for before, w in pairwise(words))
-    return words[0].text + "".join(behind)
+def structure(line: Words) -> Aggregate:
+    """Read values in braces.
+
+    Raises:
+        Unresolved: they are none.
+    """
+    opening, kind, fields = line.take(), "", dict[str, Field]()
+    if line.next.kind == "name" and line.behind_next.text == ":":
+        kind = line.take().upper
+        line.take()
+    while not line.accept("}"):
+        field = _field(line)
+        if field.name in fields:
+            raise line.problem(f"the component {field.name} is stated twice")
+        fields[field.name] = field
+        if not line.accept(",") and not line.at("}"):
+            raise line.problem("a structure is not understood")
+    return Aggregate(type=kind, fields=tuple(fields.values()), start=opening.start, end=line.end)
 
 
-def _number(words: Sequence[Word]) -> float | None:
-    """A literal number with its sign, or a bit string such as ``'B1010'``."""
-    last = words[-1]
-    if len(words) == 1 and last.kind == "string":
-        return bit_string(last.upper)
-    if last.kind != "number" or len(words) > 2 or (len(words) == 2 and words[0].text not in {"+", "-"}):
+def _field(line: Words) -> Field:
+    name = line.take()
+    start, found = line.number, line.words
+    number = start + line.at("+", "-")
+    if number + 1 < len(found) and found[number].kind == "number" and found[number + 1].text in (",", "}"):
+        behind, line.number = name.end, number + 1  # nearly all
+    else:
+        if line.accept("["):
+            line.taken_to("]")
+            line.accept("]")
+        behind, start = line.end, line.number
+        line.taken_to(",", "}")
+    words = found[start : line.number]
+    # a quote that is a word has no other end
+    if name.kind != "name" or line.done or not words or not QUOTES.isdisjoint([word.text for word in words]):
+        raise line.problem(f"the component {name.text} is not understood")
+    return Field(name=name.upper, words=words, value=number_of(words), touches=behind == words[0].start)
+
+
+def number_of(words: Sequence[Word]) -> float | None:
+    """The number that words are: with a sign or without, or a bit string such as ``'B1010'``; None where they are none."""
+    if len(words) == 1 and words[0].kind == "string":
+        return bit_string(words[0].upper)
+    if not 0 < len(words) < 3 or words[-1].kind != "number" or (len(words) == 2 and words[0].text not in ("+", "-")):
         return None
-    value = float(last.text) * (-1.0 if words[0].text == "-" else 1.0)
+    value = float(words[-1].text) * (-1.0 if words[0].text == "-" else 1.0)
     return value if isfinite(value) else None
+
+
+def value_of(words: Sequence[Word]) -> Aggregate | float | bool | None:
+    """The structure, number or truth value that words are; None where they are none."""
+    match [word.upper for word in words[:2]]:
+        case ["{", *_]:
+            line = Words(words)
+            with suppress(Unresolved):
+                found = structure(line)
+                return found if line.done else None
+            return None
+        case ["TRUE" | "FALSE" as truth]:
+            return truth == "TRUE"
+        case _:
+            return number_of(words)
+
+
+def _operand(line: Words) -> Operand:
+    """Words up to what may stand behind a point."""
+    words = line.taken_to(*_BEHIND_OPERANDS)
+    start = line.place if words else line.words[-1].end
+    return Operand(words=words, start=words[0].start if words else start, end=words[-1].end if words else start)
+
+
+def _settings(line: Words) -> dict[str, tuple[Word, ...]]:
+    """Assignments behind WITH, by the name of what they set."""
+    out: dict[str, tuple[Word, ...]] = {}
+    while not line.done and not line.at(*PASSING):
+        name = joined(line.taken_to("=", *PASSING))
+        line.accept("=")
+        out[name] = line.taken_to(",", *PASSING)
+        line.accept(",")
+    return out
 
 
 def split_at_commas(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
@@ -465,11 +385,6 @@ def parse(text: str, read: set[str] | None = None) -> list[Statement]:
             assigns = len(words) > 1 and words[1].text in ("=", "[", ".") and words[0].kind == "name"
             read.update([word.text.upper() for word in words[assigns:] if word.kind == "name"])
     return statements
-
-
-def parse_operand(words: Sequence[Word]) -> Operand:
-    """An operand on its own."""
-    return Cursor(words).operand()
 
 
 def _statement(words: list[Word]) -> Statement:
@@ -542,15 +457,12 @@ def _assignment(words: list[Word]) -> Statement:
     equals = next((i for i, word in enumerate(words) if word.text == "="), None)
     if equals is None or equals + 1 == len(words):
         return Statement(start=start, end=end)
-    cursor = Cursor(words[equals + 1 :])
     index, component = _behind_name(words[1:equals])
     return Assignment(
         start=start,
         end=end,
-        name="".join(word.upper for word in words[:equals]),
+        name=joined(words[:equals]),
         variable=words[0].upper,
-        value=cursor.operand(),
-        text="".join(word.upper for word in words[equals + 1 :]),
         index=index,
         component=component,
         words=tuple(words[equals + 1 :]),
@@ -560,33 +472,33 @@ def _assignment(words: list[Word]) -> Statement:
 def _behind_name(words: list[Word]) -> tuple[tuple[Word, ...] | None, str]:
     """Index and components of what is assigned to, such as ``[N].X``."""
     if not words or words[0].text != "[":
-        return None, "".join(word.upper for word in words).removeprefix(".")
+        return None, joined(words).removeprefix(".")
     end = closing(words)
-    return tuple(words[1:end]), "".join(word.upper for word in words[end + 1 :]).removeprefix(".")
+    return tuple(words[1:end]), joined(words[end + 1 :]).removeprefix(".")
 
 
 def _declaration(words: list[Word], shared: bool) -> Declaration:
-    cursor = Cursor(words[1:])
-    variables: list[Declared] = []
-    while not cursor.done:
-        name = cursor.take()
-        if name.kind == "name":
-            cursor.skip_brackets()
-            value = None
-            if cursor.accept("="):
-                value = cursor.operand()
-            variables.append(Declared(name=name.upper, value=value, start=name.start, end=name.end))
-        cursor.skip_to(",")
-        cursor.accept(",")
+    variables = [
+        Declared(name=name.upper, words=_start_value(behind), start=name.start)
+        for name, *behind in filter(None, parted(words[1:], ","))
+        if name.kind == "name"
+    ]
     return Declaration(
         start=words[0].start, end=words[-1].end, type=words[0].upper, shared=shared, variables=tuple(variables)
     )
 
 
+def _start_value(words: Sequence[Word]) -> tuple[Word, ...]:
+    """What stands behind the equals sign, which follows a name or its size."""
+    equals = closing(words) + 1 if words and words[0].text == "[" else 0
+    return tuple(words[equals + 1 :]) if [word.text for word in words[equals : equals + 1]] == ["="] else ()
+
+
 def _motion(words: list[Word]) -> MotionLine:
     keyword = words[0].upper
-    cursor = Cursor(words[1:])
-    operands, passing = [cursor.operand()], list[str]()
+    cursor = Words(words)
+    cursor.take()
+    operands, passing = [_operand(cursor)], list[str]()
     trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write SPL to a complete point"
     arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Word, ...]()
     while cursor.accept(","):
@@ -594,7 +506,7 @@ def _motion(words: list[Word]) -> MotionLine:
             cursor.accept("=")
             angle = cursor.taken_to(",", *PASSING, "WITH")
         else:
-            operands.append(cursor.operand())
+            operands.append(_operand(cursor))
     settings: dict[str, tuple[Word, ...]] = {}
     while not cursor.done:
         word = cursor.take()
@@ -603,7 +515,7 @@ def _motion(words: list[Word]) -> MotionLine:
         elif keyword in RELATIVE_MOTIONS and not (arc and word.upper == "#TOOL") and word.upper in FRAMES_OF_DISTANCES:
             along = word.upper
         elif word.upper == "WITH":
-            settings = cursor.settings()
+            settings = _settings(cursor)
         elif word.text != ",":
             trouble = trouble or f"'{word.text}' is not understood behind {keyword}"
     if keyword in POINT_MOTIONS and len(operands) != (2 if arc else 1):

@@ -1,13 +1,15 @@
 """Values of KRL's data: numbers, truth values, enumeration constants and structures; operators and functions of them."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.program import Reason, Unresolved
+from robot_programs.core.program import Motion, Reason, Unresolved, angled_pose, pose_numbers, rotations
+from robot_programs.core.source import TextEdit, renumbered
 from robot_programs.core.values import (
     FUNCTIONS,
     ByHand,
@@ -21,9 +23,16 @@ from robot_programs.core.values import (
     operated,
     plain,
 )
-from robot_programs.krl.data import AXES, EXTERNAL, POSE, STATUS, Datum, pose, pose_values
-from robot_programs.krl.syntax import Aggregate, Field
+from robot_programs.krl.syntax import Aggregate, Field, Word, value_of
 from taskcal_groundwork import se3
+
+POSE = ("X", "Y", "Z", "A", "B", "C")
+AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
+STATUS = ("S", "T")
+
+# KRL's REAL is a 32-bit float: nine digits in all, so 0.1 µm within metres and 1e-6° within a turn.
+DECIMALS = {**dict.fromkeys("XYZ", 5), **dict.fromkeys("ABC", 6), **dict.fromkeys((*AXES, *EXTERNAL), 6)}
 
 
 class Real(float):
@@ -54,14 +63,9 @@ IN, COMPONENT, FIELD, WHOLE = "in", "component", "field", "whole"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Stated(Origin):
-    """A structure of numbers as the text writes it, or a data list."""
+    """A structure as the text writes it, and the datum that a data list states so."""
 
-    by: Aggregate | Datum
-
-    @property
-    def aggregate(self) -> Aggregate:
-        """As it is written."""
-        return self.by.aggregate if isinstance(self.by, Datum) else self.by
+    fields: Sequence[Field] = field(compare=False)
 
 
 def real(value: float) -> float:
@@ -69,26 +73,33 @@ def real(value: float) -> float:
     return SettableReal(value) if isinstance(value, Settable) else Real(value)
 
 
-def structured(aggregate: Aggregate, at: tuple[int, int, int], by: Datum | None = None) -> Structure:
-    """A structure whose components are all values, or that a data list states.
+def structured(aggregate: Aggregate, file: int, *, listed: bool = False) -> Structure:
+    """A structure of the text whose components are all values.
 
     Args:
         aggregate: as it is written.
-        at: where.
-        by: what a data list states so.
+        file: number of the file.
+        listed: whether a data list states it, in which an operator may change it.
     """
-    parts: dict[Hashable, Any] = {field.name: _field(field, listed=by is not None) for field in aggregate.fields}
-    return Structure(kind=aggregate.type, parts=parts, origin=Stated(at=at, owner=None, by=by or aggregate))
+    parts: dict[Hashable, Any] = {one.name: _part(one, listed=listed) for one in aggregate.fields}
+    origin = Stated(at=(file, aggregate.start, aggregate.end), owner=None, fields=aggregate.fields)
+    return Structure(kind=aggregate.type, parts=parts, origin=origin)
 
 
-def _field(field: Field, *, listed: bool) -> Any:
-    if field.value is None:
-        if field.name in LENGTHS:
-            return Lost(reason=f"{field.name} is '{field.text}', which is not a number", told=True)
-        return ByHand(field.text.upper()) if listed else field.text.upper()
-    if field.name in LENGTHS:
-        return SettableReal(field.value) if listed else Real(field.value)
-    return Settable(field.value) if listed else field.value
+def _part(one: Field, *, listed: bool) -> Any:
+    if one.value is None:
+        if one.name in LENGTHS:
+            return Lost(reason=f"{one.name} is '{one.text}', which is not a number", told=True)
+        return ByHand(one.text.upper()) if listed else one.text.upper()
+    if one.name in LENGTHS:
+        return SettableReal(one.value) if listed else Real(one.value)
+    return Settable(one.value) if listed else one.value
+
+
+def value_in(file: int, words: Sequence[Word], *, listed: bool = False) -> Structure | float | bool | None:
+    """The structure, number or truth value that words are, of which a data list may hold each; None where they are none."""
+    found = value_of(words)
+    return structured(found, file, listed=listed) if isinstance(found, Aggregate) else found
 
 
 def position(kind: str, values: Mapping[str, Any]) -> Structure:
@@ -96,19 +107,8 @@ def position(kind: str, values: Mapping[str, Any]) -> Structure:
     return Structure(kind=kind, parts={**values})
 
 
-def aggregate_with(type_: str, values: Mapping[str, float | str]) -> Aggregate:
-    """The same as something that was read."""
-    fields = tuple(
-        Field(
-            name=name, text=str(value), value=None if isinstance(value, str) else value, start=0, end=0, touches=False
-        )
-        for name, value in values.items()
-    )
-    return Aggregate(type=type_, fields=fields, start=0, end=0)
-
-
-def as_aggregate(value: Any, said: Callable[[str], str] | None = None) -> Aggregate:
-    """A structure as it is written, or would be.
+def as_position(value: Any, said: Callable[[str], str] | None = None) -> Structure:
+    """A structure with the numbers and texts that it states or that were computed.
 
     Args:
         value: the structure.
@@ -123,19 +123,16 @@ def as_aggregate(value: Any, said: Callable[[str], str] | None = None) -> Aggreg
     if not isinstance(value, Structure) or value.kind == ARRAY:
         raise Unresolved("what stands for its point is not a position")
     if isinstance(value.origin, Stated):
-        return value.origin.aggregate
-    values = dict[str, float | str]()
+        return value
+    parts = dict[str, Any]()
     for name, part in value.parts.items():
-        if isinstance(part, Lost):
-            if name in NUMBERS:
-                if part.told:
-                    raise Unresolved(part.reason)
-                raise Unresolved(said(part.reason) if said else Reason(f"its {name} {part.reason}", of=[part.reason]))
-            continue
-        part = plain(part)
-        if isinstance(part, float | str) and not isinstance(part, bool):
-            values[str(name)] = float(part) if isinstance(part, float) else part
-    return aggregate_with(value.kind, values)
+        if isinstance(part, Lost) and name in NUMBERS:
+            if part.told:
+                raise Unresolved(part.reason)
+            raise Unresolved(said(part.reason) if said else Reason(f"its {name} {part.reason}", of=[part.reason]))
+        if isinstance(own := plain(part), float | str):
+            parts[str(name)] = own
+    return position(value.kind, parts)
 
 
 def frame_of(value: Any) -> Float[np.ndarray, "4 4"]:
@@ -144,12 +141,142 @@ def frame_of(value: Any) -> Float[np.ndarray, "4 4"]:
     Raises:
         Unresolved: it is none.
     """
-    return pose(as_aggregate(value))
+    return pose(as_position(value))
 
 
 def has_any(value: Any, names: Sequence[str]) -> bool:
     """Whether a structure has any of some components."""
     return isinstance(value, Structure) and value.kind != ARRAY and any(name in value.parts for name in names)
+
+
+# Positions: from text to numbers and back.
+
+
+def pose(value: Structure, *, needed: tuple[str, ...] = POSE) -> Float[np.ndarray, "4 4"]:
+    """The pose that a complete position states, metres.
+
+    Raises:
+        Unresolved: a needed component is missing or no number.
+    """
+    return angled_pose(*(_stated(value, name, needed) for name in POSE))
+
+
+def frame(value: Structure) -> Float[np.ndarray, "4 4"]:
+    """A frame that is added by ``:``; what it leaves out is zero.
+
+    Raises:
+        Unresolved: it is none.
+    """
+    if not has_any(value, POSE):
+        raise Unresolved("what is added by ':' is not a frame")
+    return pose(value, needed=())
+
+
+def literal_poses(rows: Float[np.ndarray, "n 6"], like: Motion) -> Float[np.ndarray, "n 4 4"] | None:
+    """The poses of X Y Z A B C; see `LiteralForm.poses`."""
+    return se3.pose(rotations(rows[:, 3:]), rows[:, :3] * 1e-3) if np.isfinite(rows).all() else None
+
+
+def rotation_stated(value: Structure) -> bool:
+    """Whether the angles are stated.
+
+    Raises:
+        Unresolved: some are, and others not.
+    """
+    stated = [name for name in "ABC" if name in value.parts]
+    if len(stated) in (1, 2):
+        raise Unresolved(f"of its angles it states {' and '.join(stated)} only")
+    return bool(stated)
+
+
+def axes(value: Structure, *, needed: tuple[str, ...] = AXES) -> Float[np.ndarray, " joints"]:
+    """The joint positions that a complete axis position states, radians; zero for what is neither stated nor needed.
+
+    Raises:
+        Unresolved: a needed axis is missing or no number.
+    """
+    return np.radians([_stated(value, name, needed) for name in AXES])
+
+
+def _stated(value: Structure, name: str, needed: tuple[str, ...]) -> float:
+    part = value.parts.get(name)
+    if part is None and name not in needed:
+        return 0.0
+    if part is None:
+        raise Unresolved(f"{name} is not stated, so it keeps its value of before")
+    if not isinstance(part, float):
+        raise Unresolved(part.reason if isinstance(part, Lost) else f"{name} is '{plain(part)}', which is not a number")
+    return float(part)
+
+
+def number_in(value: Any, name: str) -> float | None:
+    """The number in a component; None where there is none."""
+    found = value.parts.get(name) if isinstance(value, Structure) else None
+    return found if isinstance(found, float) else None
+
+
+def numbers_in(value: Structure) -> dict[str, float]:
+    """Components that are numbers."""
+    return {str(name): part for name, part in value.parts.items() if isinstance(part, float)}
+
+
+def texts_in(value: Structure) -> dict[str, str]:
+    """Components as they are written, or would be."""
+    if isinstance(value.origin, Stated):
+        return {one.name: one.text for one in value.origin.fields}
+    return {str(name): str(part) for name, part in value.parts.items()}
+
+
+def whole(value: Structure, name: str) -> int | None:
+    """The whole number of 31 bits in a component; None where there is none."""
+    number = number_in(value, name)
+    return int(number) if number is not None and 0 <= number < 2**31 and number == int(number) else None
+
+
+def external(value: Structure) -> tuple[float, ...]:
+    """Positions of the external axes, millimetres or degrees; NaN where none is stated.
+
+    Raises:
+        Unresolved: one is not a number.
+    """
+    return tuple(_stated(value, name, ()) if name in value.parts else nan for name in EXTERNAL)
+
+
+def pose_values(T: Float[np.ndarray, "4 4"], near: Structure | None = None) -> dict[str, float]:
+    """Values of X Y Z A B C of a pose, millimetres and degrees; angles near those of a position."""
+    old = tuple(number_in(near, name) or 0.0 for name in "ABC")
+    return dict(zip(POSE, pose_numbers(T, (old[0], old[1], old[2])), strict=True))
+
+
+def axis_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
+    """Values of A1 … of joint positions, degrees."""
+    return dict(zip(AXES, np.degrees(q).tolist(), strict=False))
+
+
+def _field_text(name: str, text: str, was: float, value: float) -> str:
+    """A component's text with a value: as it is where that is its value already, to the digits that KRL holds."""
+    if name in STATUS:
+        return text if was == value else _integer(text, int(value))
+    return renumbered(text, was, value, DECIMALS[name])
+
+
+def _integer(old: str, value: int) -> str:
+    base = {"'B": "b", "'H": "X"}.get(old[:2].upper())
+    return str(value) if base is None else f"{old[:2]}{value:0{len(old) - 3}{base}}'"
+
+
+def edits_for(value: Structure, values: Mapping[str, float]) -> list[TextEdit]:
+    """The edits that give components of a position in the text other values; those without a number of their own stay."""
+    assert isinstance(value.origin, Stated)
+    out: list[TextEdit] = []
+    for one in value.origin.fields:
+        number = values.get(one.name, one.value)
+        if number is not None and one.value is not None and number != one.value:
+            text = _field_text(one.name, one.text, one.value, number)
+            if text != one.text:
+                blank = " " if one.touches else ""
+                out.append(TextEdit(start=one.words[0].start, end=one.words[-1].end, text=blank + text))
+    return out
 
 
 ZERO = position("FRAME", dict.fromkeys(POSE, Real(0.0)))

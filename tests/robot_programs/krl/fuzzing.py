@@ -13,7 +13,7 @@ from tests.robot_programs.krl.samples import ROBOT, Q
 def _posture(program: KrlProgram, number: int) -> np.ndarray | None:
     """Any where its points have no added frame, which would be contained in a copy, and no status, which follows the joints."""
     written = program.sites[number].written
-    return Q if all(len(w.aggregates) == 1 and w.aggregates[0].field("S") is None for w in written) else None
+    return Q if all(len(w.stated) == 1 and "S" not in w.first.parts for w in written) else None
 
 
 LANGUAGE = Language(

@@ -4,8 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_programs.core.form import Lit, Ref
 from robot_programs.core.source import Source
-from robot_programs.krl.data import File
+from robot_programs.krl.data import File, Names
+from robot_programs.krl.lower import MotionStep, is_stated, lowered
 from robot_programs.krl.syntax import (
     Aggregate,
     Assignment,
@@ -15,16 +17,34 @@ from robot_programs.krl.syntax import (
     Declaration,
     End,
     MotionLine,
-    Reference,
+    joined,
     lines_of_words,
     parse,
     passed_in,
+    value_of,
 )
+from robot_programs.krl.values import numbers_in
+from tests.robot_programs.krl.samples import source
 
 
 def only(text: str):
     (line,) = parse(text)
     return line
+
+
+def points(text: str):
+    """What each point of a motion is made of."""
+    form = lowered(Names(files=(File.of(0, source("part.src", f"DEF PART( )\n{text}\nEND\n")),)))
+    (step,) = (line for routine in form.routines.values() for line in routine.lines)
+    assert isinstance(step, MotionStep)
+    return [step.points[own] for _, own in step.operands]
+
+
+def structure(text: str) -> Aggregate:
+    (words,) = lines_of_words(text)
+    found = value_of(words)
+    assert isinstance(found, Aggregate)
+    return found
 
 
 def test_comments_headers_and_blank_lines_have_no_words():
@@ -54,15 +74,17 @@ def test_every_statement_is_in_one_section_or_bounds_it(lines):
 
 
 def test_a_motion_with_all_it_can_say():
-    line = only("slin XP3:{Z 5} WITH $VEL=SVEL_CP(2.0,,LCPDAT1), $TOOL=STOOL2(FP3) C_Spl ; there")
+    text = "slin XP3:{Z 5} WITH $VEL=SVEL_CP(2.0,,LCPDAT1), $TOOL=STOOL2(FP3) C_Spl ; there"
+    line = only(text)
     assert isinstance(line, MotionLine)
     assert (line.keyword, line.passing, line.trouble) == ("SLIN", ("C_SPL",), "")
     (operand,) = line.operands
-    name, offset = operand.parts
-    assert isinstance(name, Reference)
+    assert text[operand.start : operand.end] == "XP3:{Z 5}"
+    ((name, offset),) = points(text)
+    assert isinstance(name, Ref)
     assert name.name == "XP3"
-    assert isinstance(offset, Aggregate)
-    assert offset.value("Z") == 5.0
+    assert isinstance(offset, Lit)
+    assert numbers_in(offset.value) == {"Z": 5.0}
     assert {k: "".join(w.text for w in v) for k, v in line.settings.items()} == {
         "$VEL": "SVEL_CP(2.0,,LCPDAT1)",
         "$TOOL": "STOOL2(FP3)",
@@ -77,8 +99,7 @@ def test_an_arc_has_two_points(angle, words):
     assert isinstance(line, MotionLine)
     assert [word.text for word in line.angle] == words
     assert not line.trouble
-    assert [len(o.parts) for o in line.operands] == [1, 1]
-    assert line.operands[1].parts[0].name == "XP[2]"
+    assert [joined(o.words) for o in line.operands] == ["{X1,Y2,Z3}", "XP[2]"]
     assert line.passing == ("C_DIS", "C_ORI")
 
 
@@ -102,23 +123,20 @@ def test_motions_that_are_not_understood_say_why(text, trouble):
     if trouble:
         assert trouble in line.trouble
     else:
-        assert line.trouble or not line.operands[0].parts
+        ((point,),) = points(text)
+        assert line.trouble or not is_stated(point)
 
 
 @pytest.mark.parametrize(
     "text", ["OFFSET(P1)", "P1.X", "{X 1,X 2}", "{X 1", "P1:", "P1 + P2", "{1 2}", "{X 1,T 'B11 0.0}"]
 )
 def test_points_that_are_no_constants_have_no_parts(text):
-    line = only(f"LIN {text} C_DIS")
-    assert isinstance(line, MotionLine)
-    assert line.operands[0].parts == ()
+    ((point,),) = points(f"LIN {text} C_DIS")
+    assert not is_stated(point)
 
 
 def test_words_of_a_component_stay_apart():
-    line = only("LIN {X A B_AND B, Y - 1}")
-    assert isinstance(line, MotionLine)
-    (point,) = line.operands[0].parts
-    assert isinstance(point, Aggregate)
+    point = structure("{X A B_AND B, Y - 1}")
     assert [(field.text, field.value) for field in point.fields] == [("A B_AND B", None), ("-1", -1.0)]
 
 
@@ -126,27 +144,26 @@ def test_declarations():
     line = only("GLOBAL DECL E6POS XP1={x 1,Y 2} , XP2[ 3 ]")
     assert isinstance(line, Declaration)
     assert (line.type, line.shared) == ("E6POS", True)
-    assert [(v.name, v.value is not None) for v in line.variables] == [("XP1", True), ("XP2", False)]
+    assert [(v.name, bool(v.words)) for v in line.variables] == [("XP1", True), ("XP2", False)]
 
 
 def test_strings_may_hold_anything():
     line = only('DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] "a;{,}",TQ_STATE FALSE}')
     assert isinstance(line, Declaration)
-    value = line.variables[0].value
-    assert value is not None
-    (parameters,) = value.parts
+    parameters = value_of(line.variables[0].words)
     assert isinstance(parameters, Aggregate)
-    assert [f.name for f in parameters.fields] == ["TOOL_NO", "BASE_NO", "IPO_FRAME", "POINT2", "TQ_STATE"]
-    assert parameters.field("IPO_FRAME").text == "#BASE"
+    texts = {field.name: field.text for field in parameters.fields}
+    assert [*texts] == ["TOOL_NO", "BASE_NO", "IPO_FRAME", "POINT2", "TQ_STATE"]
+    assert texts["IPO_FRAME"] == "#BASE"
 
 
 def test_assignments_name_what_they_change():
     line = only("Tool_Data [ 3 ] = {X 1,Y 2,Z 3,A 0,B 0,C 0}")
     assert isinstance(line, Assignment)
-    assert (line.name, line.variable, len(line.value.parts)) == ("TOOL_DATA[3]", "TOOL_DATA", 1)
+    assert (line.name, line.variable, line.text) == ("TOOL_DATA[3]", "TOOL_DATA", "{X1,Y2,Z3,A0,B0,C0}")
     line = only("XP1.X = XP1.X + SHIFT(XP2, (XP3))")
     assert isinstance(line, Assignment)
-    assert (line.name, line.variable, line.value.parts) == ("XP1.X", "XP1", ())
+    assert (line.name, line.variable, line.component) == ("XP1.X", "XP1", "X")
     assert passed_in(line, {}) == ("XP2", "XP3")
     assert passed_in(line, {"SHIFT": (False, True)}) == ("XP2",)
 
@@ -165,11 +182,10 @@ def test_routines_calls_and_steering():
 
 
 def test_an_index_that_is_computed_is_kept():
-    line = only("LIN P[I+1,2] C_DIS")
-    assert isinstance(line, MotionLine)
-    (part,) = line.operands[0].parts
-    assert isinstance(part, Reference)
-    assert (part.name, [len(words) for words in part.index]) == ("P[I+1,2]", [3, 1])
+    (((point,)),) = points("LIN P[I+1,2] C_DIS")
+    assert isinstance(point, Ref)
+    ((index, second),) = point.path
+    assert (point.name, index.sign, second.value) == ("P", "+", 2.0)
 
 
 # Words of KRL: each stands where it says, line by line.

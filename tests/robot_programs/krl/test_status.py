@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_programs.core.program import Unresolved, rotation
-from robot_programs.krl.data import axes, edits_for, external, pose, pose_values
+from robot_programs.core.values import Structure
 from robot_programs.krl.points import ACCURATE_BIT, Status
-from robot_programs.krl.syntax import Aggregate, lines_of_words, parse_operand
+from robot_programs.krl.syntax import lines_of_words
+from robot_programs.krl.values import axes, edits_for, external, pose, pose_values, value_in
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
@@ -144,11 +145,11 @@ def test_any_arm_of_usual_build_has_a_status(rng):
 degrees = st.floats(-360.0, 360.0)
 
 
-def aggregate(text: str) -> Aggregate:
+def aggregate(text: str) -> Structure:
     (words,) = lines_of_words(text)
-    (part,) = parse_operand(words).parts
-    assert isinstance(part, Aggregate)
-    return part
+    value = value_in(0, words)
+    assert isinstance(value, Structure)
+    return value
 
 
 def with_edits(text: str, values: dict[str, float]) -> str:
