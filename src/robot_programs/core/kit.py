@@ -135,11 +135,15 @@ class Words:
 
     def taken_to(self, *stops: str) -> tuple[Word, ...]:
         """Read words up to one that stops, outside of any bracket; all that are left without one."""
-        start, depth = self.number, 0
-        while not self.done and (depth or self.words[self.number].upper not in stops):
-            depth += opens(self.words[self.number])
-            self.number += 1
-        return tuple(self.words[start : self.number])
+        start, depth, end = self.number, 0, len(self.words)
+        for number in range(start, end):
+            word = self.words[number]
+            if not depth and word.text.upper() in stops:
+                end = number
+                break
+            depth += opens(word)
+        self.number = end
+        return tuple(self.words[start:end])
 
     def skip(self, opening: str, closing: str) -> None:
         """Read to behind the bracket that is open.

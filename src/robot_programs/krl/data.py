@@ -8,12 +8,9 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from robot_programs.core.flow import Effects, Thing, with_called
 from robot_programs.core.form import Text
-from robot_programs.core.program import MissingKind, Reason, Unresolved
+from robot_programs.core.program import MissingKind, Reason
 from robot_programs.core.source import Place, Source
 from robot_programs.core.values import Structure
 from robot_programs.krl.syntax import (
@@ -31,9 +28,8 @@ from robot_programs.krl.syntax import (
     lines_of_words,
     number_of,
     parse,
-    passed_in,
 )
-from robot_programs.krl.values import AXES, EXTERNAL, POSE, STATUS, pose, value_in
+from robot_programs.krl.values import value_in
 from taskcal_groundwork.errors import InputError, shown
 
 # What the data lists of a KRL program state: points, frames, parameter sets and numbers.
@@ -248,12 +244,10 @@ BUILT_IN = "BAS"
 TABLES: Mapping[str, MissingKind] = {"TOOL_DATA": "tool", "BASE_DATA": "part"}
 """The controller's tools and bases."""
 
-READ = frozenset({*POSE, *AXES, *EXTERNAL, *STATUS, "TOOL_NO", "BASE_NO", "IPO_FRAME"})
-"""Components of points, frames and parameter sets that matter for where the robot goes."""
-
 PLACES = ("$POS_ACT", "$AXIS_ACT", "$POS_ACT_MES", "$AXIS_ACT_MES", "$AXIS_ACT_MEAS", "$POS_ACT_MEAS")
 """Where the robot is."""
 
+ROBROOT = "$ROBROOT"
 TOOL, BASE, MODE, ORIENTATION, PARAMETERS = "$TOOL", "$BASE", "$IPO_MODE", "$ORI_TYPE", "FDAT_ACT"
 SETTINGS = {
     "tool": TOOL, "base": BASE, "mode": MODE, "orientation": ORIENTATION, "speed": "$VEL.CP", "turn speed": "$VEL.ORI1",
@@ -323,8 +317,19 @@ class Names:
         return self._declared_as("REAL") - self.whole_numbers
 
     def _declared_as(self, type_: str) -> frozenset[str]:
-        lines = (line for file in self.files for line in file.statements if isinstance(line, Declaration))
-        return frozenset(variable.name for line in lines if line.type == type_ for variable in line.variables)
+        return frozenset(key.rpartition(":")[2] for key, types in self.types.items() if type_ in types)
+
+    @cached_property
+    def types(self) -> Mapping[str, Set[str]]:
+        """By key of a variable that data lists or routines declare: its type, or several where it is declared so."""
+        out: dict[str, set[str]] = defaultdict(set)
+        for routine in (routine for file in self.files for routine in file.sections):
+            for line in (line for line in routine.lines if isinstance(line, Declaration)):
+                for name in (variable.name for variable in line.variables):
+                    listed = routine.file.holds_data
+                    key = self.key_in(routine.file.module, name) if listed else self.key(routine, name)
+                    out[key].add(line.type)
+        return out
 
     @cached_property
     def listed(self) -> Mapping[str, frozenset[str]]:
@@ -340,15 +345,6 @@ class Names:
             own.update(datum.variable for datum in file.stated)
             out.setdefault(file.module, set()).update(own - shared)
         return {module: frozenset(names) for module, names in out.items()}
-
-    @cached_property
-    def declared(self) -> frozenset[str]:
-        """Keys of variables that data lists declare."""
-        files = [file for file in self.files if file.holds_data]
-        return frozenset(
-            self.key_in(file.module, variable.name)
-            for file in files for line in file.statements if isinstance(line, Declaration) for variable in line.variables
-        )  # fmt: skip
 
     @cached_property
     def data(self) -> Mapping[str, Mapping[str, Datum]]:
@@ -381,23 +377,15 @@ class Names:
         return f"{module}:{name}" if own else name
 
     @cached_property
-    def changed(self) -> dict[str, list[tuple[Routine, Place, str]]]:
-        """By key of a variable: routines that assign it, or hand it to a routine, where, and which element if that is stated."""
-        out: dict[str, list[tuple[Routine, Place, str]]] = {}
-        for file in self.files:
-            if file.holds_data or file.module == BUILT_IN:
-                continue
-            for routine, line in ((one, line) for one in file.sections for line in one.lines):
-                for name in _changed_by(line, self.by_value):
-                    place = file.source.place(line.start)
-                    out.setdefault(self.key(routine, name.partition("[")[0]), []).append((routine, place, name))
-        return out
+    def handled(self) -> frozenset[str]:
+        """Names to which code assigns something, or that it gives to a routine or function."""
+        files = (file for file in self.files if not file.holds_data and file.module != BUILT_IN)
+        return frozenset(name for file in files for line in file.statements for name in _handled(line))
 
     def number(self, routine: Routine, name: str) -> float | bool | None:
-        """The number or truth value that a data list states for a variable, if no line of code ever changes it."""
-        key = self.key(routine, name)
-        datum = self.data.get(key, {}).get("")
-        if datum is None or key in self.changed or isinstance(datum.value, Structure):
+        """The number or truth value that a data list states for a variable, if no line of code may ever change it."""
+        datum = self.data.get(self.key(routine, name), {}).get("")
+        if datum is None or name in self.handled or isinstance(datum.value, Structure):
             return None
         return datum.value
 
@@ -422,52 +410,20 @@ class Names:
                     pass
         return tool, base
 
-    @cached_property
-    def robroot(self) -> Float[np.ndarray, "4 4"] | None:
-        """Pose of the robot in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
 
-        Raises:
-            Unresolved: code sets it in several ways, or to something that is no frame.
-        """
-        name = "$ROBROOT"
-        if name not in self.changed:
-            datum = self.data.get(name, {}).get("")
-            return None if datum is None or not isinstance(datum.value, Structure) else pose(datum.value)
-        lines = [
-            line
-            for file in self.files
-            for line in file.statements
-            if not file.holds_data and isinstance(line, Assignment) and line.variable == name
-        ]
-        value = value_in(0, lines[0].words) if len(lines) == 1 and lines[0].name == name else None
-        if not isinstance(value, Structure):
-            raise Unresolved(f"{name} is changed by the program, at {self.changed[name][0][1]}")
-        return pose(value)
-
-
-def _changed_by(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
-    """Variables and elements that a line assigns or hands to a routine."""
+def _handled(line: Statement | None) -> Iterator[str]:
+    words: Iterable[Word] = ()
     match line:
-        case Assignment():
-            return (*_element(line), *passed_in(line, by_value))
-        case Beside(action=action) if action is not None:
-            return _changed_by(action, by_value)
-        case Control(keyword="FOR") if line.words:
-            return (line.words[0].upper, *passed_in(line, by_value))
-        case Call(name="BAS"):
-            return ()
+        case Beside(action=action):
+            yield from _handled(action)
+        case Call() if line.name != BUILT_IN:
+            words = (word for argument in line.arguments for word in argument)
+        case Assignment() | Control() | MotionLine():
+            words = line.words if calls_of(line) else line.words[:1] if isinstance(line, Control) else ()
+            yield from (line.variable,) if isinstance(line, Assignment) else ()
         case _:
-            return passed_in(line, by_value)
-
-
-def _element(line: Assignment) -> tuple[str, ...]:
-    """Names that an assignment changes: an element, or all of a variable; none where no motion reads that component."""
-    name, bracket, rest = line.name.partition("[")
-    index, _, behind = rest.partition("]")
-    component = (behind if bracket else name).rpartition(".")[2] if "." in line.name else ""
-    if component and component not in READ:
-        return ()
-    return (f"{name}[{index}]" if bracket and index.isdecimal() else line.variable,)
+            pass
+    yield from (word.upper for word in words)
 
 
 # Routines: what each alters, which calls which, and what may run beside their lines.

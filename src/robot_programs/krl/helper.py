@@ -34,7 +34,6 @@ from robot_programs.krl.syntax import (
     Assignment,
     Call,
     Control,
-    Declaration,
     MotionLine,
     Operand,
     Statement,
@@ -319,9 +318,9 @@ def wrap(
         if line.keyword in RELATIVE_MOTIONS:
             yield from _from_here(line, points, function)
         elif line.angle:
-            yield from _to_angle(line, points, files, function)
+            yield from _to_angle(line, points, names, function)
         else:
-            yield from (_around(one, files, function) for one in points)
+            yield from (_around(one, names, function) for one in points)
 
     for step in (line for routine in routines for line in routine.lines):
         if isinstance(step, MotionStep) and step.at[:2] in motions:
@@ -349,9 +348,9 @@ class Point:
         """Whether its status and turn count."""
         return self.step.statement.keyword.endswith("PTP")
 
-    def types(self, files: Sequence[File]) -> Sequence[str]:
+    def types(self, names: Names) -> Sequence[str]:
         """Of its parts; empty where they are not known."""
-        return [_type_of(part, self.step.routine, files) for part in self.parts]
+        return [_type_of(part, self.step.routine, names) for part in self.parts]
 
 
 def calls_function(line: Statement, function: str) -> bool:
@@ -392,7 +391,7 @@ def _names(point: Expression) -> Iterator[str]:
                 pass
 
 
-def _around(point: Point, files: Sequence[File], function: str) -> TextEdit:
+def _around(point: Point, names: Names, function: str) -> TextEdit:
     """A point with the function around it that serves its type.
 
     What ``:`` gives has the type of its right side, and status and turn count in PTP alone (KUKA System Software, geometric
@@ -402,24 +401,24 @@ def _around(point: Point, files: Sequence[File], function: str) -> TextEdit:
         Unresolved: it has none.
     """
     start, end = point.operand.start, point.operand.end
-    if point.types(files) == ["E6POS"] and isinstance(point.parts[0], Ref):
+    if point.types(names) == ["E6POS"] and isinstance(point.parts[0], Ref):
         return TextEdit(start=start, end=end, text=f"{function}{'' if point.joint else OF_PATH}({point.text})")
-    return TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({_as_frame(point, files)})")
+    return TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({_as_frame(point, names)})")
 
 
-def _as_frame(point: Point, files: Sequence[File]) -> str:
+def _as_frame(point: Point, names: Names) -> str:
     """A point as an expression of type FRAME.
 
     Raises:
         Unresolved: it may not be one; or the motion needs its status, and that is not known.
     """
-    parts, own = point.parts, point.types(files)
+    parts, own = point.parts, point.types(names)
     complete = all(
         isinstance(one, Ref) or (isinstance(one, Lit) and numbers_in(one.value).keys() >= {*POSE}) for one in parts
     )
     if not complete or (parts and not isinstance(parts[0], Ref)) or "AXIS" in "".join(own):
         raise Unresolved("its point is no variable, and no product of variables and complete frames")
-    if not parts and not _own_functions(point.operand, files):
+    if not parts and not _own_functions(point.operand, names):
         raise Unresolved("its point comes from a function that the files do not have")
     if point.joint and own[-1:] != ["FRAME"]:
         raise Unresolved(
@@ -428,14 +427,14 @@ def _as_frame(point: Point, files: Sequence[File]) -> str:
     return point.text if own == ["FRAME"] else f"{point.text}:$NULLFRAME"
 
 
-def _to_angle(line: MotionLine, points: Sequence[Point], files: Sequence[File], function: str) -> Iterator[TextEdit]:
+def _to_angle(line: MotionLine, points: Sequence[Point], names: Names, function: str) -> Iterator[TextEdit]:
     """An arc that ends at an angle as one to the point that is there.
 
     Raises:
         Unresolved: its points may be no frames.
     """
     (via, last), angle = line.operands, (line.angle[0].start, line.angle[-1].end)
-    given = ",".join(_as_frame(one, files) for one in points)
+    given = ",".join(_as_frame(one, names) for one in points)
     text = points[0].step.routine.file.source.text[slice(*angle)]
     for start, end, share in ((via.start, via.end, "0.5"), (last.start, angle[1], "1.0")):
         yield TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({given},{share}*({text})))")
@@ -474,19 +473,20 @@ def _from_here(line: MotionLine, points: Sequence[Point], function: str) -> Iter
         yield TextEdit(start=behind + axes.start(), end=behind + axes.end(), text="")
 
 
-def _own_functions(operand: Operand, files: Sequence[File]) -> bool:
+def _own_functions(operand: Operand, names: Names) -> bool:
     """Whether all functions that compute a point stand in the files, or do geometry alone."""
     called = {word.upper for word, behind in pairwise(operand.words) if word.kind == "name" and behind.text == "("}
-    return bool(called) and called <= {head.name for file in files for head in file.heads} | {"INV_POS"}
+    return bool(called) and called <= {head.name for file in names.files for head in file.heads} | {"INV_POS"}
 
 
-def _type_of(part: Expression, routine: Routine, files: Sequence[File]) -> str:
+def _type_of(part: Expression, routine: Routine, names: Names) -> str:
     """Type of a part of a point; empty where it is not known."""
     match part:
         case Ref(name=name):
             if name in FRAMES:
                 return "FRAME"
-            return _type(name, routine, files) or ("E6POS" if _of_inline_form(part, routine) else "")
+            types = names.types.get(str(part.key), ())
+            return next(iter(types)) if len(types) == 1 else "E6POS" if _of_inline_form(part, routine) else ""
         case Rec(kind=kind, parts=parts) | Lit(value=Structure(kind=kind, parts=parts)):
             return kind or ("FRAME" if parts.keys() <= {*POSE} else "")
         case _:
@@ -498,30 +498,6 @@ def _of_inline_form(point: Ref, routine: Routine) -> bool:
     of_point = {line.text for line in routine.lines if isinstance(line, Assignment) and line.variable == "FDAT_ACT"}
     name = point.name
     return not point.path and name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
-
-
-def _type(name: str, routine: Routine, files: Sequence[File]) -> str:
-    """Declared type of a variable; empty where it is not known, or there are several."""
-    module = routine.file.module
-    types = {
-        line.type
-        for line in routine.lines
-        if isinstance(line, Declaration)
-        for one in line.variables
-        if one.name == name
-    }
-    if not types:
-        types = {
-            line.type
-            for file in files
-            for line in file.statements
-            if file.holds_data
-            and isinstance(line, Declaration)
-            and (file.module == module or line.shared or file.serves_all)
-            for one in line.variables
-            if one.name == name
-        }
-    return next(iter(types)).upper() if len(types) == 1 else ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

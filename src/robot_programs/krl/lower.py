@@ -39,6 +39,7 @@ from robot_programs.krl.data import (
     MODE,
     ORIENTATION,
     PARAMETERS,
+    ROBROOT,
     SETTINGS,
     STATE,
     TOOL,
@@ -168,9 +169,14 @@ class Lowered:
 
     @cached_property
     def read(self) -> frozenset[str]:
-        """Names that code reads anywhere, and those that BAS reads."""
-        own = frozenset({"LDAT_ACT", "PDAT_ACT", *TABLE_OF.values(), *STATE, *_STRUCTURES})
+        """Names that code reads anywhere, and those that BAS and motions read."""
+        own = frozenset({"LDAT_ACT", "PDAT_ACT", ROBROOT, *TABLE_OF.values(), *STATE, *_STRUCTURES})
         return own.union(*(file.read for file in self.files if not file.holds_data))
+
+    @property
+    def all(self) -> tuple[FormRoutine, ...]:
+        """All that is lowered."""
+        return (*self.routines.values(), *self.stray, *self.actions.values())
 
     def routine(self, name: str) -> tuple[FormRoutine, ...]:
         """Routines of a name."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.form import HERE, Ask, Do, Expression, Key, Line, Ref, Routine
+from robot_programs.core.form import HERE, Ask, Assign, Do, Expression, Key, Line, Lit, Ref, Routine
 from robot_programs.core.interpreter import FoundMotion, Meaning
 from robot_programs.core.program import (
     THROUGH_TARGET,
@@ -30,6 +30,7 @@ from robot_programs.krl.data import (
     ORIENTATION,
     PARAMETERS,
     PLACES,
+    ROBROOT,
     STATE,
     TABLES,
     TOOL,
@@ -216,7 +217,7 @@ class KrlMeaning(Meaning):
         """What is said of a variable that no data list states."""
         if "@" in key:
             return _OWN
-        if key in self.lowered.names.declared and key not in TABLES:
+        if key in self.lowered.names.types and key not in TABLES:
             return _WITHOUT_VALUE
         return _RUN_TIME if key.startswith("$") else _NOT_GIVEN
 
@@ -386,8 +387,8 @@ class KrlMeaning(Meaning):
             indices: of which it is an element.
         """
         target, name = names
-        if name == "$ROBROOT":
-            root = self.lowered.names.robroot
+        if name == ROBROOT:
+            root = self.robroot
             return self._held(name, framed(np.eye(4) if root is None else root, "FRAME"), "own")
         if isinstance(value, Lost):
             needed: list[tuple[str, MissingKind]] = [
@@ -489,6 +490,23 @@ class KrlMeaning(Meaning):
             self.made[key] = Frame(name=value.origin.name, T=frame_of(value))
         return self.made[key]
 
+    @cached_property
+    def robroot(self) -> Float[np.ndarray, "4 4"] | None:
+        """Pose of the robot in the world: $ROBROOT of $machine.dat, or as code sets it once; None where neither says it.
+
+        Raises:
+            Unresolved: code sets it in several ways, or to something that is no frame.
+        """
+        value, changed = self.declared(ROBROOT), self.flow.changes.paths.get(ROBROOT)
+        if changed:
+            lines = (line for routine in self.lowered.all for line in routine.lines if isinstance(line, Assign))
+            match [line for line in lines if line.target.key == ROBROOT]:
+                case [Assign(target=Ref(path=()), value=Lit(value=Structure() as value))]:
+                    pass
+                case _:
+                    raise Unresolved(f"{ROBROOT} {next(iter(changed.values()))}")
+        return pose(value) if isinstance(value, Structure) else None
+
     def _frames(self, tool: Any, base: Any, mode: Any) -> Frames:
         """Tool and part of a motion, as its poses mean them: what stands still is given in the robot's own base.
 
@@ -523,7 +541,7 @@ class KrlMeaning(Meaning):
         )
 
     def _standing(self, frame: Frame) -> Frame:
-        root = self.lowered.names.robroot
+        root = self.robroot
         if root is None:
             return frame
         if frame not in self.standing:

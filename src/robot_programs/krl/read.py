@@ -1,10 +1,12 @@
 """Reading KRL programs: where each motion goes, from the routines that nothing calls through all that they call."""
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from robot_programs.core.flow import lines_in
+from robot_programs.core.form import Lit
 from robot_programs.core.interpreter import Interpreter, interpreted, known_motions
 from robot_programs.core.program import Diagnostic, Frame, Motion, Reason, Unresolved
 from robot_programs.core.source import Source, uncollected
@@ -73,7 +75,7 @@ def read_krl(
         *_warned(files),
     }
     try:
-        T_world_base = names.robroot
+        T_world_base = meaning.robroot
     except Unresolved:  # the motions to poses say so
         T_world_base = None
     del meaning.flow  # the two would keep each other
@@ -131,16 +133,27 @@ def _of_motions(found: Interpreter) -> Iterator[Said]:
 
 def _elsewhere(found: Interpreter, form: Lowered, motions: Sequence[Motion]) -> Iterator[Said]:
     """Tools and bases that another program may change."""
-    for variable in TABLES:
-        for name in sorted({frame.name for motion in motions for frame in (motion.tool, motion.part)}):
-            if name.partition("[")[0] != variable:
-                continue
-            using = {motion.routine for motion in motions if name in (motion.tool.name, motion.part.name)}
-            for routine, place, what in form.names.changed.get(variable, ()):
-                if what in (name, variable) and all(form.names.is_apart(one, routine.name) for one in using):
+    using = defaultdict[str, set[str]](set)
+    for motion in motions:
+        for frame in (motion.tool, motion.part):
+            using[frame.name].add(motion.routine)
+    said = set[str]()
+    for routine, line in ((one, line) for one in form.all for line in one.lines):
+        for ref in (ref for ref in found.changes.by(line) if ref.key in TABLES):
+            match ref.path:
+                case ((Lit(value=float(number)),), *_):
+                    names = [f"{ref.key}[{number:g}]"]
+                case _:
+                    names = [name for name in using if name.startswith(f"{ref.key}[")]
+            for name in names:
+                if (
+                    name not in said
+                    and using[name]
+                    and all(form.names.is_apart(one, routine.name) for one in using[name])
+                ):
+                    said.add(name)
                     text = f"{name} is changed here, in a program of its own; motions are corrected for the value in the data list"
-                    yield routine.file.number, routine.file.source.start(place.line), text, False
-                    break
+                    yield *line.at[:2], text, False
 
 
 def _warned(files: Sequence[File]) -> Iterator[Said]:

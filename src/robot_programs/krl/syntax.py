@@ -1,7 +1,7 @@
 """The grammar of KRL: words, lines and blocks, as far as they matter for where the robot goes; other lines are passed over."""
 
 import re
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -272,16 +272,16 @@ def _field(line: Words) -> Field:
     start, found = line.number, line.words
     number = start + line.at("+", "-")
     if number + 1 < len(found) and found[number].kind == "number" and found[number + 1].text in (",", "}"):
-        behind, line.number = name.end, number + 1  # nearly all
+        line.number = number + 1  # nearly all
+        behind, words, odd = name.end, found[start : number + 1], False
     else:
         if line.accept("["):
             line.taken_to("]")
             line.accept("]")
-        behind, start = line.end, line.number
-        line.taken_to(",", "}")
-    words = found[start : line.number]
-    # a quote that is a word has no other end
-    if name.kind != "name" or line.done or not words or not QUOTES.isdisjoint([word.text for word in words]):
+        behind, words = line.end, line.taken_to(",", "}")
+        # a quote that is a word has no other end
+        odd = line.done or not words or not QUOTES.isdisjoint([word.text for word in words])
+    if odd or name.kind != "name":
         raise line.problem(f"the component {name.text} is not understood")
     return Field(name=name.upper, words=words, value=number_of(words), touches=behind == words[0].start)
 
@@ -545,7 +545,7 @@ SPLINES = {"SPLINE", "PTP_SPLINE"}
 LOOPS = {"FOR", "WHILE", "REPEAT", "LOOP"}
 
 
-# What routines are given by value, and what they may change of their caller's.
+# What routines are given by value, and functions that change nothing.
 
 
 def given_by_value(lines: Iterable[Statement]) -> Mapping[str, tuple[bool, ...]]:
@@ -556,46 +556,6 @@ def given_by_value(lines: Iterable[Statement]) -> Mapping[str, tuple[bool, ...]]
             same = out.setdefault(line.name, line.by_value)
             if same != line.by_value:
                 out[line.name] = ()
-    return out
-
-
-def passed_by_reference(line: Call, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
-    """Variables that a call may change: those given to parameters that are not by value, or to functions on the way.
-
-    A parameter that does not say how it is given may be changed (KUKA System Software, transfer of parameters).
-    """
-    modes = by_value.get(line.name, ())
-    out: list[str] = []
-    for i, words in enumerate(line.arguments):
-        own = i < len(modes) and modes[i]
-        out += _passed_in(words, by_value) if own else [word.upper for word in words if word.kind == "name"]
-    return tuple(out)
-
-
-def passed_in(line: Statement, by_value: Mapping[str, tuple[bool, ...]]) -> tuple[str, ...]:
-    """Variables that the routines and functions which a line calls may change; in a motion only those of the program do."""
-    match line:
-        case Call():
-            return passed_by_reference(line, by_value)
-        case Assignment() | Control():
-            return tuple(_passed_in(line.words, by_value))
-        case MotionLine():
-            return tuple(_passed_in(line.words, by_value, by_value))
-        case _:
-            return ()
-
-
-def _passed_in(
-    words: Sequence[Word], by_value: Mapping[str, tuple[bool, ...]], functions: Container[str] | None = None
-) -> list[str]:
-    """Variables that functions in an expression may change: some, or all that do not belong to the controller."""
-    out: list[str] = []
-    for i, (name, behind) in enumerate(pairwise(words)):
-        if behind.text != "(" or name.kind != "name" or name.upper in _OPERATORS | _BY_VALUE:
-            continue
-        if functions is None or name.upper in functions:
-            call = Call(start=0, end=0, name=name.upper, arguments=arguments_of(words[i + 1 :]))
-            out += passed_by_reference(call, by_value)
     return out
 
 

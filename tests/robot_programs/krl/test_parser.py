@@ -20,7 +20,6 @@ from robot_programs.krl.syntax import (
     joined,
     lines_of_words,
     parse,
-    passed_in,
     value_of,
 )
 from robot_programs.krl.values import numbers_in
@@ -164,8 +163,6 @@ def test_assignments_name_what_they_change():
     line = only("XP1.X = XP1.X + SHIFT(XP2, (XP3))")
     assert isinstance(line, Assignment)
     assert (line.name, line.variable, line.component) == ("XP1.X", "XP1", "X")
-    assert passed_in(line, {}) == ("XP2", "XP3")
-    assert passed_in(line, {"SHIFT": (False, True)}) == ("XP2",)
 
 
 def test_routines_calls_and_steering():
