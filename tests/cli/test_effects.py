@@ -7,7 +7,7 @@ import pytest
 
 from taskcal.identification.calibration import load_calibration
 from taskcal.reading.writer import write_campaign
-from taskcal.report.fit import strongest_harmonics
+from taskcal.report.calibration import strongest_harmonics
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.conditions import Conditions
 from taskcal.robot.effects import Harmonics, Thermal
@@ -77,12 +77,11 @@ def test_effects_text_table_states_gain_of_each_step(run: Run, campaign: Path, t
     """The text table states the gain of each step of the model comparison."""
     ended = identify(run, campaign, tmp_path / "cal.json", "--effects", "harmonics:1,gain", "--parameters")
     text = " ".join(ended.out.split())
-    assert "held-out points" in text.partition("Errors")[0]
+    assert "held-out points" in text.partition("next")[0]
     for words in ("asked for", "geometry 0.", "with gear harmonics", "tracker noise", "periods per turn"):
         assert words in text
     starts = {line.split()[0] for line in ended.out.splitlines() if line.split()}
-    assert "J2.gain" in starts
-    assert "J2.cos1" not in starts
+    assert {"J2.gain", "J2.cos1"} <= starts
 
 
 def test_effects_that_geometry_nearly_repeats_are_named(run: Run, tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def _show_block(block: Block) -> None:
     elif isinstance(block, Points):
         show_facts(("•", item) for item in block.items)
     elif isinstance(block, Numbers):
-        show_facts((what, f"{value} {unit}".strip()) for value, unit, what in block.items)
+        show_facts((f"{value} {unit}".strip(), what) for value, unit, what in block.items)
     elif isinstance(block, Facts):
         show_facts(block.items)
     elif isinstance(block, Commands):

@@ -1,6 +1,8 @@
 """A calibration as a page and as tables: prediction error, residuals, parameters, uncertainty over a task, provenance."""
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -369,6 +371,7 @@ def parameters_section(calibration: Calibration) -> Section:
         )
         if estimated
         else None,
+        tabulate_harmonics(calibration.summary()["parameters"]),
         tabulate_intervals(calibration, found),
         _tabulate_relations(geometry, found) if found.dependent or found.zero else None,
         _tabulate_correlations(calibration) if estimated else None,
@@ -465,6 +468,46 @@ def _tabulate_correlations(calibration: Calibration) -> Table:
         ),
         folded=True,
     )
+
+
+MAX_HARMONICS = 12
+"""Harmonics that are shown, the strongest."""
+
+_HARMONIC = re.compile(r"(.+)\.(?:cos|sin)(\d+(?:\.\d+)?)$")
+"""Name of a cosine or sine of a joint's angle."""
+
+
+def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, float]]:
+    """Joint, order, amplitude and its standard error, mrad, of the harmonics, largest first."""
+    parts: dict[tuple[str, float], list[Mapping[str, Any]]] = defaultdict(list)
+    for parameter in parameters:
+        match = _HARMONIC.match(parameter["name"])
+        if match is not None:
+            parts[match[1], float(match[2])].append(parameter)
+    harmonics: list[tuple[str, float, float, float]] = []
+    for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
+        x, y = a["estimate_mrad"], b["estimate_mrad"]
+        size = (x**2 + y**2) ** 0.5
+        errors = a["standard_error_mrad"], b["standard_error_mrad"]
+        spread = ((x * errors[0]) ** 2 + (y * errors[1]) ** 2) ** 0.5 / size if size else max(errors)
+        harmonics.append((joint, order, size, spread))
+    return sorted(harmonics, key=lambda row: -row[2])
+
+
+def tabulate_harmonics(parameters: Sequence[Mapping[str, Any]]) -> Table:
+    """Tabulate the strongest harmonics."""
+    harmonics = strongest_harmonics(parameters)
+    shown = harmonics[:MAX_HARMONICS]
+    columns = (
+        Column(Said("joint"), lambda row: row[0]),
+        Column(Said("periods per turn"), lambda row: row[1], "g"),
+        Column(Said("amplitude mrad"), lambda row: row[2], ".4f"),
+        Column("1σ mrad", lambda row: row[3], ".4f"),
+    )
+    title = Said(
+        "Harmonics of the joint angles: the {count} strongest of {every}", count=len(shown), every=len(harmonics)
+    )
+    return Table.of(title, columns, shown, folded=True)
 
 
 MAX_DRAWN = 40
@@ -957,7 +1000,7 @@ def draw_by_axis(calibration: Calibration, errors: MeasuredErrors) -> Figure:
     return Figure(panels=(Panel(x=x, y=Axis(categories=("X", "Y", "Z")), series=series, levels=(zero,)),))
 
 
-# Tables of parameters and outliers, for the terminal and for the page.
+# Outliers, each with its likely cause.
 
 MODEL, READING = Said("model error"), Said("reading")
 """Likely causes of an outlier."""
@@ -972,37 +1015,6 @@ MOSTLY_OUTLIERS = Said(
     "tracker frame are not those that were calibrated."
 )
 COUNTED = Said("Rows of the campaign, counted from 0, and lines of its file, counted from 1.")
-
-
-def tabulate_parameters(calibration: Calibration, *, leave_out: Callable[[str], bool] = lambda _: False) -> Table:
-    """Tabulate estimate, standard error and tolerance of every estimated parameter.
-
-    Args:
-        calibration: the calibration.
-        leave_out: whether a parameter of this name is shown elsewhere.
-    """
-    informed, parameters = informed_parameters(calibration), calibration.model.parameters
-    rows = [i for i in calibration.estimated.tolist() if not leave_out(parameters[i].name)]
-
-    def shown(values: Float[np.ndarray, " p"]) -> Callable[[int], float]:
-        return lambda i: float(values[i]) * parameters[i].shown.factor
-
-    columns = (
-        Column(Said("parameter"), lambda i: parameters[i].name),
-        Column(Said("symbol"), lambda i: parameters[i].symbol),
-        Column(Said("estimate"), shown(calibration.estimate), "+.4f"),
-        Column("SE (1σ)", shown(calibration.standard_errors), ".4f"),
-        Column(Said("tolerance"), shown(calibration.model.tolerances), ".4f"),
-        Column(Said("unit"), lambda i: parameters[i].shown.name),
-        Column("", lambda i: Said("prior-dominated") if informed[parameters[i].name] is False else ""),
-    )
-    return Table.of(
-        Said("The {count} identified parameters", count=len(rows)),
-        columns,
-        rows,
-        note=Said("Prior-dominated: not determined by the measurements; the standard error (SE) is that of the prior."),
-        folded=True,
-    )
 
 
 def tabulate_outliers(calibration: Calibration) -> Table:

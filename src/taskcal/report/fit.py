@@ -1,9 +1,7 @@
 """A fit as people read it: its errors, what to do next, what it rests on, and which effects were worth their parameters."""
 
 import math
-import re
 import shlex
-from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -14,22 +12,19 @@ from taskcal.identification.calibration import COURSE_IN_DOUBT, Calibration
 from taskcal.identification.checks.digits import few_digits_of
 from taskcal.identification.chunked_fit import ChunkedFit
 from taskcal.identification.effects import Explanation
+from taskcal.identification.validation import measured_errors
 from taskcal.report.calibration import (
-    are_exact,
     are_most,
-    describe_held_out,
-    fit_facts,
+    held_out_section,
     outliers_section,
+    parameters_section,
+    residuals_section,
     state_end,
     state_placement,
-    state_result,
-    tabulate_errors,
-    tabulate_parameters,
-    tabulate_stations,
+    summary_section,
 )
 from taskcal.report.camera import camera_facts
-from taskcal.report.content import NOMINAL, Column, Facts, Section, Step, Table, describe_effective, millimetres
-from taskcal.robot.error_model import ErrorModel
+from taskcal.report.content import Column, Facts, Section, Step, Table, describe_effective, millimetres
 
 MAX_HELD_OUT_RATIO = 1.6
 """Ratio of held-out error to fit residual, beyond which more poses are recommended: the fit has more freedom than its rows."""
@@ -38,43 +33,36 @@ MAX_NOISE_RATIO = 2.0
 """Ratio of the error to tracker noise, beyond which non-geometric effects are recommended."""
 
 MAX_NAMED_ROWS = 5
-MAX_SHOWN_EFFECTS = 40
-"""Parameters of effects that a terminal shows, whatever their significance."""
-
-MIN_SIGNIFICANCE = 2.0
-"""Standard errors from zero beyond which more of them are shown: 95 % of a normal distribution."""
 
 
 def fit_sections(
-    calibration: Calibration, result: Mapping[str, Any], steps: Sequence[str], *, parameters: bool = False
+    calibration: Calibration,
+    result: Mapping[str, Any],
+    steps: Sequence[str],
+    explanation: Explanation | None,
+    *,
+    parameters: bool = False,
 ) -> list[Section]:
-    """Make the sections of a fit: its errors and what to do next, the rows at fault, and what it rests on.
+    """Make the sections of a fit: those of the calibration's page on errors and rows, what to do next, and what it rests on.
 
     Args:
         calibration: the fit.
         result: as `taskcal identify --json` has it.
         steps: what to do next.
+        explanation: the choice of effects, if there was one.
         parameters: whether to list the parameters, too.
     """
-    held_out = result["held_out"]
-    summaries = {} if are_exact(calibration) else {NOMINAL: result["nominal"]}
-    summaries["fitted"] = result["fitted"]
-    summaries |= {} if held_out is None else {"held out": held_out}
-    held = None if calibration.held_out is None else ("held out", describe_held_out(calibration.held_out))
+    errors = measured_errors(calibration) if calibration.held_out is None else None
+    held_out = held_out_section(calibration)
     return [
-        Section(
-            "Result",
-            state_result(calibration, result["nominal"], held_out or result["fitted"]),
-            tabulate_errors(summaries),
-            tabulate_stations(calibration),
-            *map(Step, steps),
-        ),
+        summary_section(calibration, errors, None),
+        Section("Next", *map(Step, steps)),
+        Section(held_out.title, *(one for one in held_out.blocks if not isinstance(one, Table) or not one.folded)),
+        residuals_section(calibration, errors),
         outliers_section(calibration),
-        Section(
-            "Fit",
-            *(_parameters(calibration, result) if parameters else ()),
-            Facts(held, *fit_facts(calibration), *_facts(result, parameters=parameters)),
-        ),
+        *([] if explanation is None else [explanation_section(explanation)]),
+        *([parameters_section(calibration)] if parameters else []),
+        Section("Fit", Facts(*_facts(calibration, result))),
     ]
 
 
@@ -111,9 +99,7 @@ def next_steps(
             f"do not measure {_rows(of_model)} again: neighbouring rows deviate alike, so the cause is model error; see below"
         )
     left, fitted = (held_out or result["fitted"])["mean_mm"], result["fitted"]["mean_mm"]
-    if held_out is None:
-        steps.append("estimate the held-out error: --holdout 0.3, or --folds 5 to use every row")
-    elif left > MAX_HELD_OUT_RATIO * fitted:
+    if held_out is not None and left > MAX_HELD_OUT_RATIO * fitted:
         steps.append(
             f"measure more poses: the held-out error is {left / fitted:.1f} times the fit residual; {program} plan selects them"
         )
@@ -150,50 +136,18 @@ def _rows(numbers: Collection[int]) -> str:
     return f"rows {listed(sorted(numbers), MAX_NAMED_ROWS)}"
 
 
-def _parameters(calibration: Calibration, result: Mapping[str, Any]) -> list[Table | str | None]:
-    unclear = _unclear_effects(calibration)
-    table = tabulate_parameters(
-        calibration, leave_out=lambda name: _HARMONIC.match(name) is not None or name in unclear
-    )
-    more = (
-        f"{len(unclear)} more parameters of effects, within {MIN_SIGNIFICANCE:g} standard errors of zero or of the smooth "
-        "field: see --json"
-    )
-    return [table, more if unclear else None, tabulate_harmonics(result["parameters"])]
-
-
-def _unclear_effects(calibration: Calibration) -> set[str]:
-    """Parameters of effects that have a meaning alone and may be zero; harmonics are shown by their amplitudes."""
-    geometry = set(ErrorModel(calibration.model.robot).names)
-    names = {calibration.model.names[i]: i for i in calibration.estimated}
-    effects = {name: i for name, i in names.items() if name not in geometry}
-    if len(effects) <= MAX_SHOWN_EFFECTS:
-        return set()
-    return {
-        name
-        for name, i in effects.items()
-        if not _HARMONIC.match(name)
-        and (abs(calibration.estimate[i]) < MIN_SIGNIFICANCE * calibration.standard_errors[i] or ".field_" in name)
-    }
-
-
-def _facts(result: Mapping[str, Any], *, parameters: bool) -> list[tuple[str, str]]:
-    pairs = [f"{c['a']} and {c['b']} {c['correlation']:+.3f}" for c in result["correlations"]]
+def _facts(calibration: Calibration, result: Mapping[str, Any]) -> list[tuple[str, str]]:
     unseen = sum(p["seen"] is False for p in result["parameters"])
-    facts = [("prior", f"{unseen} parameters prior-dominated (posterior 1σ ≥ 0.95 prior 1σ)")] if unseen else []
-    facts += [
-        *([("largest correlations", "; ".join(pairs))] if parameters else []),
+    identified = f"{len(result['parameters'])} identified"
+    known = describe_effective(identified, result["effective_parameters"], result["parameter_groups"])
+    return [
         *([("scale", _length_scale(result["length_scale"]))] if result["length_scale"] else []),
         ("tracker frame", _measuring_frame(result)),
         *camera_facts(result),
+        *([("prior", f"{unseen} parameters prior-dominated (posterior 1σ ≥ 0.95 prior 1σ)")] if unseen else []),
+        *([("parameters", f"{known}; --parameters lists them")] if result["parameters"] else []),
+        ("convergence", state_end(calibration.reason, calibration.iterations, calibration.rounds)),
     ]
-    if parameters:
-        facts.append(("convergence", state_end(result["reason"], result["iterations"], result["rounds"])))
-    elif result["parameters"]:
-        identified = f"{len(result['parameters'])} identified"
-        said = describe_effective(identified, result["effective_parameters"], result["parameter_groups"])
-        facts.append(("parameters", f"{said}; --parameters lists them"))
-    return facts
 
 
 def _length_scale(found: Mapping[str, float]) -> str:
@@ -211,10 +165,7 @@ def _measuring_frame(result: Mapping[str, Any]) -> str:
     return f"{text}; registered from {f'{file}, ' if file else ''}{'circles' if circles else 'poses'}"
 
 
-# Effects: the comparison of models, and harmonics by their amplitudes.
-
-MAX_HARMONICS = 12
-"""Harmonics that are shown, the strongest."""
+# Effects: the comparison of models.
 
 MAX_NAMED_EFFECTS = 3
 MAX_NAMED_COLLINEAR = 4
@@ -277,50 +228,15 @@ def _sentence(explanation: Explanation) -> str:
     return f"{', '.join(steps)}; tracker noise {explanation.tracker * 1e3:.4f} mm"
 
 
-_HARMONIC = re.compile(r"(.+)\.(?:cos|sin)(\d+(?:\.\d+)?)$")
-"""Name of a cosine or sine of a joint's angle."""
-
-
-def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[str, float, float, float]]:
-    """Joint, order, amplitude and its standard error, mrad, of the harmonics, largest first."""
-    parts: dict[tuple[str, float], list[Mapping[str, Any]]] = defaultdict(list)
-    for parameter in parameters:
-        match = _HARMONIC.match(parameter["name"])
-        if match is not None:
-            parts[match[1], float(match[2])].append(parameter)
-    harmonics: list[tuple[str, float, float, float]] = []
-    for (joint, order), (a, b) in ((key, pair) for key, pair in parts.items() if len(pair) == 2):
-        x, y = a["estimate_mrad"], b["estimate_mrad"]
-        size = (x**2 + y**2) ** 0.5
-        errors = a["standard_error_mrad"], b["standard_error_mrad"]
-        spread = ((x * errors[0]) ** 2 + (y * errors[1]) ** 2) ** 0.5 / size if size else max(errors)
-        harmonics.append((joint, order, size, spread))
-    return sorted(harmonics, key=lambda row: -row[2])
-
-
-def tabulate_harmonics(parameters: Sequence[Mapping[str, Any]]) -> Table:
-    """Tabulate the strongest harmonics."""
-    harmonics = strongest_harmonics(parameters)
-    more = f", the {MAX_HARMONICS} strongest of {len(harmonics)}" if len(harmonics) > MAX_HARMONICS else ""
-    columns = (
-        Column("joint", lambda row: row[0]),
-        Column("periods per turn", lambda row: row[1], "g"),
-        Column("amplitude mrad", lambda row: row[2], ".4f"),
-        Column("1σ mrad", lambda row: row[3], ".4f"),
-    )
-    return Table.of(f"Harmonics of the joint angles{more}", columns, harmonics[:MAX_HARMONICS])
-
-
 # A file of more rows than are fitted at once.
 
 
-def parts_section(result: Mapping[str, Any], fitted: ChunkedFit, *, parameters: bool) -> Section:
-    """Make the section of a fit in parts."""
+def parts_sections(result: Mapping[str, Any], fitted: ChunkedFit, *, parameters: bool) -> list[Section]:
+    """Make the sections of a fit in parts."""
     all_rows, unseen = result["fitted"], result["held_out_from_sample"]
     left_out = listed(fitted.left_out, 10)
-    return Section(
+    said = Section(
         "Result",
-        tabulate_parameters(fitted.calibration) if parameters else None,
         f"{result['robot']}: mean 3D position error {result['nominal_of_sample']['mean_mm']:.3f} mm nominal, "
         f"{all_rows['mean_mm']:.3f} mm calibrated ({all_rows['n']} fitted points); a fit of the sample alone: "
         f"{unseen['mean_mm']:.3f} mm ({unseen['n']} held-out points)",
@@ -330,3 +246,4 @@ def parts_section(result: Mapping[str, Any], fitted: ChunkedFit, *, parameters: 
             ("model error", f"{result['model_error_mm']:.3g} mm per axis (1σ), from the sample"),
         ),
     )
+    return [*([parameters_section(fitted.calibration)] if parameters else []), said]

@@ -65,7 +65,7 @@ def test_a_row_that_cannot_be_right_is_named_as_the_file_has_it(
     options = ["--rows", tmp_path / "rows.txt"] if choice == "a gap" else ["--holdout", "0.2", "--seed", "0"]
     ended = identify(run, bad, tmp_path / "a.json", *options)
     assert ended.status == 0
-    assert "left out: row 33 (id 33, line 37), 900." in " ".join(ended.err.split())
+    assert "left out: row 33 (id 33, line 37), 900." in " ".join(ended.out.split())
     assert re.search(r"^ *33 +37 +33 +900\.", ended.out[ended.out.index("Gross errors") :], re.MULTILINE)
 
 

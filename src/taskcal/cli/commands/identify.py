@@ -86,7 +86,7 @@ def command(
         chunked, result = identify_parts(campaign[0], robot, tracker_noise(fitting))
         return Result(
             summary={"calibration": output, **result},
-            sections=lambda: [taskcal.report.fit.parts_section(result, chunked, parameters=parameters)],
+            sections=lambda: taskcal.report.fit.parts_sections(result, chunked, parameters=parameters),
             files=[File("calibration", output, chunked.calibration.to_text())],
         )
 
@@ -115,7 +115,7 @@ def command(
     )
     with _explained(campaign, described, stated, CampaignError, FitError):
         calibration = _held_out(read, holdout, fit, noise)
-    for remark in calibration.remarks:
+    for remark in calibration.remarks if out.as_json else ():  # else they are in the sections
         info(remark)
     fitted = read.whole.take(_fitted_rows(read, holdout))
     result = {"calibration": output, **report(calibration, fitted, fit), "drift": read.drift, **_effects(fit)}
@@ -124,10 +124,8 @@ def command(
     def sections() -> "list[Section]":
         tracker_mm = tracker_error(fitted, noise) * 1e3
         again = reading.named_images(campaign)
-        explained = [] if fit.explanation is None else [taskcal.report.fit.explanation_section(fit.explanation)]
         steps = taskcal.report.fit.next_steps(calibration, result, tracker_mm, again, program=started_as())
-        *first, last = taskcal.report.fit.fit_sections(calibration, result, steps, parameters=parameters)
-        return [*first, *explained, last]
+        return taskcal.report.fit.fit_sections(calibration, result, steps, fit.explanation, parameters=parameters)
 
     files = [File("calibration", output, calibration.to_text())]
     if corners is not None:
