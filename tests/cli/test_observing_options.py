@@ -76,7 +76,7 @@ def test_what_is_measured_is_filled_into_the_plan(
     ended = run(*ask, "--observe", way, f"--{column}s", tmp_path / "stands.csv")
     assert ended.status == 0
     said = " ".join((ended.out + ended.err).split())
-    assert f"Positions of the {column}s in the base frame, as stated" in said
+    assert "Positions of the fixtures in the base frame, as stated" in said
     assert "in the plan's file, row by row; identify then reads it" in said
     table = read_csv(tmp_path / "plan.csv")
     assert len(set(table.texts(column))) == things

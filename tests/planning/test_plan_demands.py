@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taskcal.errors import ReachError
-from taskcal.planning.plan import Plan, check_demands, describe_accuracy, extrapolate_poses
+from taskcal.planning.plan import Plan, check_demands, extrapolate_poses
 
 PLAN = Plan(
     q=np.zeros((4, 6)), rows=(0, 1, 2, 3), visible=np.ones((4, 1), dtype=bool), expected=2e-5, random=np.full(3, 4e-5),
@@ -25,31 +25,13 @@ def test_too_few_candidates_are_refused_with_what_fell_away() -> None:
 
 def test_accuracy_is_unreachable_if_all_candidates_miss_it() -> None:
     """An accuracy is out of reach if even all candidates together do not achieve it."""
-    assert extrapolate_poses(PLAN, 1e-5) == pytest.approx(16.0)
+    assert extrapolate_poses(4, 2e-5, 1e-5) == pytest.approx(16.0)
     just = 2e-5 * np.sqrt(4 / 50)
     check_demands(replace(PLAN, accuracy=just * 1.01), 4)
     with pytest.raises(
         ReachError, match=r"out of reach: 4 poses are expected to leave 0\.02 mm rms, and not even all 50"
     ):
         check_demands(replace(PLAN, accuracy=just * 0.99), 4)
-
-
-@pytest.mark.parametrize(
-    ("accuracy", "model_error", "words"),
-    [
-        (None, 0.0, "the task states none"),
-        (5e-5, 0.0, "the first 3 poses chosen meet the task's 0.05 mm"),
-        (1e-5, 0.0, "about 16 poses would"),
-        (1e-5, 1e-4, "no number of poses meets the task's 0.01 mm: the model error alone leaves 0.173 mm"),
-    ],
-)
-def test_describe_accuracy(accuracy: float | None, model_error: float, words: str) -> None:
-    assert words in describe_accuracy(replace(PLAN, accuracy=accuracy, model_error=model_error))
-
-
-def test_the_whole_plan_may_do_where_the_greedy_start_does_not() -> None:
-    refined = replace(PLAN, by_count=PLAN.by_count * 2.0, accuracy=3e-5)
-    assert describe_accuracy(refined) == "the whole plan meets the task's 0.03 mm, model error included"
 
 
 def test_a_plan_states_its_figures_in_millimetres():

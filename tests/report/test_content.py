@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskcal.identification.calibration import COVERAGE_95
+from taskcal.report.calibration import with_interval
 from taskcal.report.content import (
-    COVERAGE,
     Column,
     Numbers,
     Section,
@@ -18,7 +19,6 @@ from taskcal.report.content import (
     lay_out_table,
     millimetres,
     signed,
-    with_interval,
 )
 
 words = st.text("abcdefghij0123456789.-+σ±_/", min_size=1, max_size=22)
@@ -147,8 +147,8 @@ def test_value_and_interval_agree(value: float, uncertainty: float) -> None:
     low, high = map(float, interval.split(" to "))
     half = 0.5 * 10.0 ** -decimals_of(uncertainty)
     assert float(best) == pytest.approx(value, abs=1.001 * half)
-    assert low == pytest.approx(value - COVERAGE * uncertainty, abs=1.001 * half)
-    assert high == pytest.approx(value + COVERAGE * uncertainty, abs=1.001 * half)
+    assert low == pytest.approx(value - COVERAGE_95 * uncertainty, abs=1.001 * half)
+    assert high == pytest.approx(value + COVERAGE_95 * uncertainty, abs=1.001 * half)
     assert {len(part.partition(".")[2]) for part in (best, str(interval.split()[0]))} == {decimals_of(uncertainty)}
 
 

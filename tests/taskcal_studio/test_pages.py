@@ -19,6 +19,7 @@ from taskcal.errors import ReachError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import load_calibration
 from taskcal.observations.point import load_station
+from taskcal.planning.plan import Plan
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign, write_joints
 from taskcal.report.calibration import calibration_sections
@@ -421,9 +422,13 @@ def test_a_plan_is_shown_pose_by_pose(own) -> None:
     write_joints(own / "plans" / "m_box_3.csv", q, ROBOT)
     (own / "plans" / "m_box_3.mod").write_text("")
     (own / "plans" / "other.csv").write_text("")
+    plan = Plan(
+        q=q, rows=(0, 1, 2), visible=np.ones((3, 1), dtype=bool), expected=0.21e-3, random=np.full(5, 0.32e-3), grid=0.43e-3,
+        by_count=np.array([2e-3, 1e-3, 0.21e-3]), before=3e-3, criterion="task", exchanges=1,
+        lost={"not reached": 5, "in a keep-out box": 0}, candidates=77,
+    )  # fmt: skip
     result = {
-        "expected_error_mm": 0.21, "random_expected_error_mm": 0.32, "grid_expected_error_mm": 0.43, "by_count_mm": [2, 1, 0.21],
-        "before_mm": 3.0, "count": 3, "lost": {"unseen": 5, "unreachable": 0}, "candidates": 77, "plan": "plans/m_box_3.csv",
+        **plan.summary(), "task": "box", "measured_before": 0, "plan": "plans/m_box_3.csv",
         "clearance_mm": {"between_links": [11.2, 22.4, 33.1], "to_keep_out": None}, "programs": ["plans/m_box_3.mod"],
     }  # fmt: skip
     (own / "plans" / "m_box_3.csv.result.json").write_text(json.dumps(result))
@@ -439,14 +444,13 @@ def test_a_plan_is_shown_pose_by_pose(own) -> None:
         await user.open("plan")
         facts = user.facts()
         assert numbers(user.said("p", "headline")[0]) == [0.21]
-        for key, value in (("random", 0.32), ("grid", 0.43)):
-            assert numbers(facts[TEXTS(f"plan.{key}")]) == [value]
-        (fell,) = (said for said in user.said("p") if "77" in said)
-        assert numbers(fell) == [77, 5]
+        assert numbers(facts["candidates"]) == [77, 5]
+        expected, by_count, each = user.tables().values()
+        assert [row[1] for row in expected[1:]] == ["0.210", "0.320", "0.430", "3.000"]
+        assert by_count[1:] == [["3", "0.210"]]
         links = {e.props["href"] for e in user.elements("a") if "keep=1" in e.props["href"]}
         assert links == {"/file/plans/m_box_3.csv?keep=1", "/file/plans/m_box_3.mod?keep=1"}
-        ((_, *rows),) = user.tables().values()
-        assert rows == [["0", "11"], ["1", "22"], ["2", "33"]]
+        assert [(row[0], row[-1]) for row in each[1:]] == [("0", "11"), ("1", "22"), ("2", "33")]
         slider = user.named(TEXTS("player.pose"))
         for pose in (2, 0, 1):
             user.tell(slider, "moved", {"value": str(pose), "said": 1})

@@ -8,7 +8,7 @@ import pytest
 from taskcal.observations.point import load_station
 from taskcal.robot.catalogue import load_robot
 from taskcal_studio.editors import first_station, move_tracker
-from taskcal_studio.pages.plan_page import arguments_of, of_poses
+from taskcal_studio.pages.plan_page import arguments_of
 from taskcal_studio.project import Choices
 
 
@@ -31,14 +31,6 @@ def test_a_moved_tracker_leaves_all_else_as_it_was(tmp_path: Path) -> None:
     np.testing.assert_allclose(station.position, [1.0, -2.0005, 0.3])
     np.testing.assert_allclose(station.keep_out[0].size, [0.003, 0.004, 0.005])
     assert [reflector.name for reflector in station.reflectors] == ["smr1"]
-
-
-def test_what_is_not_known_of_poses_is_not_shown() -> None:
-    gaps = {"between_links": [12.34, 5.0], "to_keep_out": None}
-    assert of_poses({"clearance_mm": gaps}, 2) == {"between_links": ["12", "5"]}
-    seen = {"visible": [["smr1", "smr2"], ["smr2"]]}
-    assert of_poses({"clearance_mm": {"between_links": None}, **seen}, 2) == {"visible": ["smr1, smr2", "smr2"]}
-    assert of_poses({"clearance_mm": gaps}, 3) == {}  # of another plan
 
 
 def test_a_chosen_station_is_planned_with() -> None:

@@ -28,10 +28,11 @@ from taskcal.identification.identify import identify
 from taskcal.identification.options import Holdout
 from taskcal.identification.uncertainty_budget import REACHED, UNEXPLAINED
 from taskcal.live.stillness import MissedError
+from taskcal.observations import distance, instrument, landmark, pixels, point, socket
 from taskcal.observations.point import Tracker
 from taskcal.registration.registration import Method
 from taskcal.report import calibration as calibration_report
-from taskcal.report import camera, content, correction, sensitivity, verdict
+from taskcal.report import camera, content, correction, plan, sensitivity, verdict
 from taskcal.report.calibration import calibration_sections, say_option
 from taskcal.report.content import Chart, Facts, Numbers, Points, Section, Table, Text
 from taskcal.report.page import ReportHeader
@@ -40,7 +41,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.task.default_task import default_task, task_text
 from taskcal.task.task import load_task
 from taskcal.virtual.cell import simulate
-from taskcal_groundwork.said import Said
+from taskcal_groundwork.said import Said, term
 from taskcal_studio.pages.measurements_page import mend
 from taskcal_studio.stated_options import GROUPS, offered
 from taskcal_studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, catalogue, preferred, sentences
@@ -69,9 +70,12 @@ def templates_of_options() -> set[str]:
 
 OF_OPTIONS = templates_of_options()
 UNITS = {"mm", "mrad", "px", "rms", "ppm", "deg"}
-SHOWN = tuple(str(module.__file__) for module in (verdict, calibration_report, camera, content, correction))
+SHOWN = tuple(str(module.__file__) for module in (verdict, calibration_report, camera, content, correction, plan))
 """Modules of sections that pages show."""
-OF_SHOWN = tuple(str(module.__file__) for module in (sensitivity, measured_range))
+OF_SHOWN = tuple(
+    str(module.__file__)
+    for module in (sensitivity, measured_range, distance, instrument, landmark, pixels, point, socket)
+)
 """Modules that say something of these sections, among else."""
 OF_REPORTS_ALONE = {
     "analyses that only reports have": {
@@ -80,8 +84,8 @@ OF_REPORTS_ALONE = {
         "draw_against",
         "task_uncertainty_section",
     },
-    "heads of pages that are printed": {"calibration_page", "correction_page"},
-    "figures that only reports have": {"draw_errors", "draw_program"},
+    "heads of pages that are printed": {"calibration_page", "correction_page", "plan_page"},
+    "figures that only reports have": {"draw_errors", "draw_program", "plan_scene"},
     "terminals, which are English": {"_without_spare", "camera_facts", "_known_to"},
     "refusals, and keys of files": {"_seen", "describe_camera"},
 }
@@ -151,7 +155,7 @@ def test_why_poses_fall_away_is_said_in_the_page_s_language(tmp_path: Path) -> N
     (tmp_path / "task.toml").write_text(task_text(default_task(model)))
     lost = Tracker().find(model, load_task(tmp_path / "task.toml"), 20, 0).lost
     assert lost
-    assert [reason for reason in lost if Texts("de").named("lost", reason) == reason] == []
+    assert [reason for reason in lost if Texts("de").said(term(reason)) == reason] == []
 
 
 def said_in(path: Path) -> list[ast.expr]:

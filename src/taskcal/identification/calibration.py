@@ -203,7 +203,7 @@ COURSE_IN_DOUBT = "course in doubt: "
 # What a calibration reports: parameters with their standard errors, model error, correlations, points that do not
 # fit.
 
-CORRELATIONS = 6
+CORRELATIONS = 10
 """How many of the largest correlations are named."""
 
 
@@ -297,16 +297,22 @@ def _in_unit(unit: ShownUnit, value: float, error: float) -> dict[str, float | N
     }
 
 
+COVERAGE_95 = 1.96
+"""Standard uncertainties on either side of an interval that holds 95 % of a normal distribution."""
+
+
 def list_parameters(calibration: "Calibration") -> list[dict[str, Any]]:
-    """Estimate, standard error and tolerance of every estimated parameter, each in the unit that its key ends with."""
+    """Estimate, standard error, 95 % interval and tolerance of every estimated parameter, in the unit that each key ends with."""
     out: list[dict[str, Any]] = []
     informed = informed_parameters(calibration)
     for i in calibration.estimated:
         p = calibration.model.parameters[i]
         unit = p.shown
+        value, error = (float(one[i]) * unit.factor for one in (calibration.estimate, calibration.standard_errors))
         values = {
-            f"estimate_{unit.key}": float(calibration.estimate[i]) * unit.factor,
-            f"standard_error_{unit.key}": float(calibration.standard_errors[i]) * unit.factor,
+            f"estimate_{unit.key}": value,
+            f"standard_error_{unit.key}": error,
+            f"interval_{unit.key}": [value - COVERAGE_95 * error, value + COVERAGE_95 * error],
             f"tolerance_{unit.key}": p.tolerance * unit.factor,
         }
         out.append({"name": p.name, "symbol": p.symbol, "unit": unit.name, **values, "seen": informed[p.name]})

@@ -19,6 +19,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.parameter import ShownUnit
 from taskcal.short_repr import short_repr
 from taskcal_groundwork.options import Option
+from taskcal_groundwork.said import Said
 
 FEWEST = 12
 """Lengths to an anchor, to find it without a guess."""
@@ -339,7 +340,7 @@ class WireInstrument(Instrument):
     @property
     def instructions(self) -> str:
         """Instructions for the file of a plan."""
-        return "fill in d_mm in the plan's file, row by row; identify then reads it"
+        return Said("fill in d_mm in the plan's file, row by row; identify then reads it")
 
     def faults(
         self, model: ErrorModel, q: Float[np.ndarray, "n joints"], of: Int[np.ndarray, " n"], links: Links
@@ -351,9 +352,9 @@ class WireInstrument(Instrument):
         within = (length >= self.lengths[0]) & (length <= self.lengths[1])
         steep = (way * tip[:, :3, 2]).sum(axis=1) < np.cos(self.angle) * length
         return {
-            "the wire too short or too long": ~within,
-            "wire leans on the tool": steep,
-            "wire crosses the robot": ~self.sight_is_free(tip, of, links),
+            Said("the wire too short or too long"): ~within,
+            Said("wire leans on the tool"): steep,
+            Said("wire crosses the robot"): ~self.sight_is_free(tip, of, links),
         }
 
     def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Lengths:

@@ -33,6 +33,7 @@ from taskcal.short_repr import short_repr
 from taskcal.tables.forms import read_csv
 from taskcal.tables.table import Table
 from taskcal.task.task import Task, enlarge, reach_task
+from taskcal_groundwork.said import Said
 
 # Fixtures: sockets, anchors, landmarks …, and roughly where each is.
 
@@ -235,11 +236,11 @@ class Instrument:
     def instructions(self) -> str:
         """Instructions for the file of a plan."""
         if self.kind.touched:
-            return (
+            return Said(
                 "the rows name what is touched; the joints are those of the plan: before identifying, overwrite them by what the "
                 "controller shows where it touches"
             )
-        return "fill in what is measured in the plan's file, row by row; identify then reads it"
+        return Said("fill in what is measured in the plan's file, row by row; identify then reads it")
 
     @property
     def count(self) -> int:
@@ -598,6 +599,9 @@ def _clear(
 
 # Postures that an instrument allows, looked for all over the joints' ranges.
 
+NOT_REACHED, TOO_NEAR, IN_A_BOX = Said("not reached"), Said("links too near each other"), Said("in a keep-out box")
+"""Why a posture cannot be measured, whatever measures."""
+
 FIRST_GOALS, STARTS = 8, 64
 """Goals of each fixture whose postures are looked for from so many starts all over the ranges."""
 
@@ -630,7 +634,7 @@ def find_measurable(model: ErrorModel, task: Task, instrument: Instrument, count
     q = np.concatenate(found)
     of = np.repeat(np.arange(instrument.count), [len(part) for part in found])
     ok, faults = check_measurable(model, instrument, q, of)
-    lost = {"not reached": each * instrument.count - len(q), **faults}
+    lost = {NOT_REACHED: each * instrument.count - len(q), **faults}
     for fixture, name in enumerate(instrument.fixtures.names):
         if not ok[of == fixture].any():
             own = check_measurable(model, instrument, found[fixture], np.full(len(found[fixture]), fixture))[1]
@@ -648,8 +652,8 @@ def check_measurable(
     """Whether each posture can be measured, and how many cannot, each counted for the first reason that holds."""
     links = place_links(model, q)
     reasons = {
-        "links too near each other": ~clear_of_itself(links),
-        "in a keep-out box": ~clear_of_boxes(links, instrument.keep_out),
+        TOO_NEAR: ~clear_of_itself(links),
+        IN_A_BOX: ~clear_of_boxes(links, instrument.keep_out),
         **instrument.faults(model, q, of, links),
     }
     ok, lost = np.ones(len(q), dtype=bool), dict[str, int]()

@@ -32,6 +32,7 @@ from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
 from taskcal_groundwork.options import Option
+from taskcal_groundwork.said import Said
 
 FEWEST = 8
 """Rows, to find the sensor on the tool without a guess."""
@@ -259,7 +260,7 @@ class CameraInstrument(Instrument):
     @property
     def instructions(self) -> str:
         """Instructions for the file of a plan."""
-        return "fill in what the camera measures in the plan's file, row by row; identify then reads it"
+        return Said("fill in what the camera measures in the plan's file, row by row; identify then reads it")
 
     def goals(
         self, model: ErrorModel, task: Task, fixture: int, u: Float[np.ndarray, "n 6"]
@@ -287,6 +288,6 @@ class CameraInstrument(Instrument):
         seen = (sight * tip[:, :3, 2]).sum(axis=1) >= (np.cos(0.5 * self.field_of_view) - edge) * distance
         faces = -(sight * self.fixtures.direction[of]).sum(axis=1) >= (np.cos(self.tilt) - edge) * distance
         return {
-            "the landmark too near, too far, out of the picture or too flat": ~(within & seen & faces),
-            "landmark hidden by the robot": ~self.sight_is_free(tip, of, links),
+            Said("the landmark too near, too far, out of the picture or too flat"): ~(within & seen & faces),
+            Said("landmark hidden by the robot"): ~self.sight_is_free(tip, of, links),
         }

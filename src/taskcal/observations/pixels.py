@@ -48,6 +48,7 @@ from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
 from taskcal_groundwork.options import Option
+from taskcal_groundwork.said import Said
 
 FEWEST = 3
 """Pictures, to find camera and board without a guess."""
@@ -853,7 +854,7 @@ class PixelInstrument(Instrument):
     @property
     def instructions(self) -> str:
         """Instructions for the file of a plan."""
-        return (
+        return Said(
             "take an image in each pose, in the order of the rows, and name them so that they sort in it; identify then reads the "
             "plan's file with --images FOLDER --board BOARD.toml"
         )
@@ -999,10 +1000,10 @@ class PixelInstrument(Instrument):
         for moved in self._elsewhere(T):
             surely[surely] = self._enough(moved[surely], of[surely])
         return {
-            "too few corners in the image and in focus": ~enough,
-            "too few corners where camera and board may be": ~surely,
-            "the board too flat": self._flat(T) > self.tilt + 1e-9,
-            "the board hidden by the robot": ~self.sight_is_free(self.tip(model, q), of, links),
+            Said("too few corners in the image and in focus"): ~enough,
+            Said("too few corners where camera and board may be"): ~surely,
+            Said("the board too flat"): self._flat(T) > self.tilt + 1e-9,
+            Said("the board hidden by the robot"): ~self.sight_is_free(self.tip(model, q), of, links),
         }
 
     def views(

@@ -16,10 +16,11 @@ from taskcal.io.codec import InFile, read_brief
 from taskcal.io.toml_file import HalfTurn, NotNegative, Positive, Quaternion
 from taskcal.kinematics.clearance import Box, Links, beam_is_free, clear_of_boxes, clear_of_itself, place_links
 from taskcal.observations.base import Differential, Measured, Observation, TrackerNoise
-from taskcal.observations.instrument import Instrument, Measurable
+from taskcal.observations.instrument import IN_A_BOX, NOT_REACHED, TOO_NEAR, Instrument, Measurable
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
 from taskcal.task.task import Task, TaskPoses, enlarge, reach_task
+from taskcal_groundwork.said import Said
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -212,11 +213,11 @@ class Tracker(Instrument):
         ok, seen = self.check(model, reached.q, links)
         clear = clear_of_itself(links)
         boxes = clear_of_boxes(links, self.station.keep_out) if self.station else np.ones(len(reached), dtype=bool)
-        lost = {
-            "not reached": int(reached.unreachable.sum()),
-            "links too near each other": int((~clear).sum()),
-            "in a keep-out box": int((clear & ~boxes).sum()),
-            "no reflector visible": int((clear & boxes & ~seen.any(axis=1)).sum()),
+        lost: dict[str, int] = {
+            NOT_REACHED: int(reached.unreachable.sum()),
+            TOO_NEAR: int((~clear).sum()),
+            IN_A_BOX: int((clear & ~boxes).sum()),
+            Said("no reflector visible"): int((clear & boxes & ~seen.any(axis=1)).sum()),
         }
         if not ok.any():
             reasons = ", ".join(f"{number} {reason}" for reason, number in lost.items() if number)

@@ -37,6 +37,7 @@ from taskcal.task.orientation import towards
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
 from taskcal_groundwork.options import Option
+from taskcal_groundwork.said import Said
 
 # What is known of two sockets of one block, and how the errors of several such distances go together.
 
@@ -524,7 +525,7 @@ class SocketInstrument(Instrument):
     @property
     def instructions(self) -> str:
         """Instructions for the file of a plan."""
-        return (
+        return Said(
             "the rows name the sockets; the joints are those of the plan: before identifying, overwrite them by what the "
             "controller shows with the ball seated"
         )
@@ -619,7 +620,7 @@ class SocketInstrument(Instrument):
             beside -= (beside * axis).sum(axis=1)[:, None] * axis
             stuck |= np.linalg.norm(beside, axis=1) > MAX_DEVIATION
             last = out.q
-        return {"too near the block": blocked, "no clear way out of the socket": stuck}
+        return {Said("too near the block"): blocked, Said("no clear way out of the socket"): stuck}
 
     def _clear(self, links: Links, ball: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Whether the links stay out of the blocks, but for what carries the ball, which the cone keeps clear."""

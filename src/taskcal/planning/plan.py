@@ -144,6 +144,7 @@ class Plan:
             "model_error_mm": self.model_error * 1e3,
             "model_error_origin": self.model_error_origin,
             "random_expected_error_mm": float(np.mean(self.random)) * 1e3,
+            "random_plans": len(self.random),
             "random_expected_error_range_mm": [float(self.random.min()) * 1e3, float(self.random.max()) * 1e3],
             "grid_expected_error_mm": self.grid * 1e3,
             "before_mm": self.before * 1e3,
@@ -164,9 +165,10 @@ class Plan:
             return {}
         names, label = self.names, self.instrument.label
         blocked = [{"pose": path.pose, "way_round": path.via is not None} for path in self.blocked]
-        out: dict[str, Any] = {"observe": self.instrument.name}
+        out: dict[str, Any] = {"observe": self.instrument.name, "instructions": self.instrument.instructions}
+        out["mounted_mm"] = (self.instrument.T_tool_tip[:3, 3] * 1e3).tolist()
         if label:
-            out[label] = list(names)
+            out |= {"fixture": label, label: list(names)}
         out["not_clear_from_the_pose_before"] = blocked
         if self.views:
             out["views"] = {name: values.tolist() for name, values in self.views.items()}
@@ -630,7 +632,7 @@ def check_demands(plan: Plan, count: int) -> None:
             f"({describe_lost(plan) or 'none fell away'}); give more --candidates, or ask for fewer poses"
         )
     wanted = plan.geometry_allowance or plan.accuracy
-    if wanted is not None and extrapolate_poses(plan, wanted) > plan.candidates > 0:
+    if wanted is not None and extrapolate_poses(len(plan.q), plan.expected, wanted) > plan.candidates > 0:
         raise ReachError(
             f"the task's accuracy of {(plan.accuracy or wanted) * 1e3:g} mm is out of reach: {count} poses are expected to "
             f"leave {plan.expected * 1e3:.3g} mm rms{_allowance(plan)}, and not even all {plan.candidates} that can be "
@@ -638,32 +640,20 @@ def check_demands(plan: Plan, count: int) -> None:
         )
 
 
-def extrapolate_poses(plan: Plan, error: float) -> float:
-    """Number of poses that lower the geometry's expected error to `error`, metres, if it falls with the root of their number."""
-    return len(plan.q) * (plan.expected / error) ** 2
+def extrapolate_poses(count: int, expected: float, error: float) -> float:
+    """Number of poses that lower an expected error of the geometry to another, if it falls with the root of their number.
+
+    Args:
+        count: number of poses that leave the expected error.
+        expected: that error.
+        error: the other one, in the same unit.
+    """
+    return count * (expected / error) ** 2
 
 
 def describe_lost(plan: Plan) -> str:
     """State how many candidates were rejected for each reason; empty where none was."""
     return ", ".join(f"{number} {reason}" for reason, number in plan.lost.items() if number)
-
-
-def describe_accuracy(plan: Plan) -> str:
-    """Whether the plan meets the accuracy that the task states, and with how many poses, in words."""
-    if plan.accuracy is None:
-        return "the task states none"
-    stated, allowed = f"the task's {plan.accuracy * 1e3:g} mm", plan.geometry_allowance
-    if not allowed:
-        return (
-            f"no number of poses meets {stated}: the model error alone leaves {plan.at_a_pose * 1e3:.3g} mm (rms in space); "
-            "identifying what causes it, effects above all, is worth more than poses"
-        )
-    if plan.enough is not None:
-        first = "pose chosen meets" if plan.enough == 1 else f"{plan.enough} poses chosen meet"
-        return f"the first {first} {stated}, model error included"
-    if plan.expected <= allowed:
-        return f"the whole plan meets {stated}, model error included"
-    return f"the plan does not meet {stated}; about {extrapolate_poses(plan, allowed):.0f} poses would, model error included"
 
 
 def _allowance(plan: Plan) -> str:

@@ -14,7 +14,14 @@ from taskcal.analysis.identifiability import Identifiability, describe_combinati
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
-from taskcal.identification.calibration import Calibration, informed_parameters, largest_correlations, list_stations
+from taskcal.identification.calibration import (
+    CORRELATIONS,
+    COVERAGE_95,
+    Calibration,
+    informed_parameters,
+    largest_correlations,
+    list_stations,
+)
 from taskcal.identification.held_out import HeldOut, Outlier, Validation, share_inside
 from taskcal.identification.residual_analysis import (
     MAX_P_VALUE,
@@ -49,7 +56,6 @@ from taskcal.report.content import (
     model_error_origin,
     prior_scale_origin,
     signed,
-    with_interval,
 )
 from taskcal.report.page import Page, edited_entry
 from taskcal.report.scene import robot_scene
@@ -339,16 +345,13 @@ def draw_ladder_rungs(rungs: Sequence[Rung]) -> Figure:
 
 # Parameters: estimates, or why there is none, and dependence.
 
-MAX_CORRELATIONS = 10
-"""Correlations that a page lists."""
-
 MAX_TERMS = 6
 """Terms of a linear dependence that are written out."""
 
 
 def parameters_section(calibration: Calibration) -> Section:
     """Make the section of parameters."""
-    geometry = ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
+    geometry = geometry_of(calibration)
     found = identifiability(geometry, calibration.q)
     estimated = len(calibration.estimated) > 0
     return Section(
@@ -371,11 +374,39 @@ def parameters_section(calibration: Calibration) -> Section:
         )
         if estimated
         else None,
-        tabulate_harmonics(calibration.summary()["parameters"]),
-        tabulate_intervals(calibration, found),
+        *tabulate_estimates(calibration, found),
         _tabulate_relations(geometry, found) if found.dependent or found.zero else None,
-        _tabulate_correlations(calibration) if estimated else None,
     )
+
+
+def geometry_of(calibration: Calibration) -> ErrorModel:
+    """The model without its effects."""
+    return ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
+
+
+def tabulate_estimates(calibration: Calibration, found: Identifiability) -> list[Table]:
+    """Tabulate what was estimated: harmonics by their amplitudes, every parameter, and correlations.
+
+    Args:
+        calibration: the calibration.
+        found: linear dependence of the geometry at the fitted poses.
+    """
+    correlations = [_tabulate_correlations(calibration)] if len(calibration.estimated) else []
+    harmonics = tabulate_harmonics(calibration.summary()["parameters"])
+    return [harmonics, tabulate_intervals(calibration, found), *correlations]
+
+
+def with_interval(value: float, uncertainty: float) -> tuple[Said, Said]:
+    """A value and its 95 % interval, with the same digits.
+
+    Args:
+        value: the best estimate.
+        uncertainty: its standard uncertainty.
+    """
+    digits = decimals_of(uncertainty)
+    half = COVERAGE_95 * uncertainty
+    low, high = (signed(value + side, digits) for side in (-half, half))
+    return signed(value, digits), Said("{low} to {high}", low=low, high=high)
 
 
 def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Table:
@@ -450,7 +481,7 @@ def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
 
 
 def _tabulate_correlations(calibration: Calibration) -> Table:
-    found = largest_correlations(calibration, MAX_CORRELATIONS)
+    found = largest_correlations(calibration, CORRELATIONS)
     largest = max((round(abs(value), 3) for *_, value in found), default=0.0)
     columns = (
         Column(Said("parameter"), lambda pair: pair[0]),
@@ -797,17 +828,22 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
             ),
         ),
     )
-    base, residuals = calibration.T_tracker_base[:3, :3], calibration.residuals
-    summaries = {
+    note = Said(
+        "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
+    )
+    summaries = residuals_by_target(calibration)
+    blocks.append(tabulate_errors(summaries, Said("Residuals of the fitted rows"), of=Said("target"), note=note))
+    return Section(Said("Fit residuals"), *blocks)
+
+
+def residuals_by_target(calibration: Calibration) -> dict[str, dict[str, float | int]]:
+    """`Validation.summary` of the residuals of each target that was seen."""
+    base, kinds, residuals = calibration.T_tracker_base[:3, :3], calibration.layout.observed, calibration.residuals
+    return {
         name: Validation.of_residuals(residuals[:, [t]], base, kinds[t : t + 1]).summary()
         for t, name in enumerate(calibration.targets)
         if not np.isnan(residuals[:, t]).all()
     }
-    note = Said(
-        "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
-    )
-    blocks.append(tabulate_errors(summaries, Said("Residuals of the fitted rows"), of=Said("target"), note=note))
-    return Section(Said("Fit residuals"), *blocks)
 
 
 def _error_charts(calibration: Calibration, errors: MeasuredErrors) -> list[Block]:

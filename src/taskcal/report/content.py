@@ -436,28 +436,12 @@ MICROMETRES = LengthUnit("µm", 1e6, 1)
 DIGITS = 2
 """Of an uncertainty that are worth stating (GUM:2008, 7.2.6)."""
 
-COVERAGE = 1.96
-"""Standard uncertainties on either side of an interval that holds 95 % of a normal distribution."""
-
 
 def decimals_of(uncertainty: float) -> int:
     """Digits behind the point that an uncertainty leaves worth stating."""
     if not 0.0 < uncertainty < math.inf:
         return 4
     return min(max(DIGITS - 1 - math.floor(math.log10(uncertainty)), 0), 9)
-
-
-def with_interval(value: float, uncertainty: float) -> tuple[Said, Said]:
-    """A value and its 95 % interval, with the same digits.
-
-    Args:
-        value: the best estimate.
-        uncertainty: its standard uncertainty.
-    """
-    digits = decimals_of(uncertainty)
-    half = COVERAGE * uncertainty
-    low, high = (signed(value + side, digits) for side in (-half, half))
-    return signed(value, digits), Said("{low} to {high}", low=low, high=high)
 
 
 class WithMinus(float):

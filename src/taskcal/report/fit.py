@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from taskcal.analysis.identifiability import identifiability
 from taskcal.errors import listed
 from taskcal.identification.calibration import COURSE_IN_DOUBT, Calibration
 from taskcal.identification.checks.digits import few_digits_of
@@ -15,13 +16,14 @@ from taskcal.identification.effects import Explanation
 from taskcal.identification.validation import measured_errors
 from taskcal.report.calibration import (
     are_most,
+    geometry_of,
     held_out_section,
     outliers_section,
-    parameters_section,
     residuals_section,
     state_end,
     state_placement,
     summary_section,
+    tabulate_estimates,
 )
 from taskcal.report.camera import camera_facts
 from taskcal.report.content import Column, Facts, Section, Step, Table, describe_effective, millimetres
@@ -61,9 +63,14 @@ def fit_sections(
         residuals_section(calibration, errors),
         outliers_section(calibration),
         *([] if explanation is None else [explanation_section(explanation)]),
-        *([parameters_section(calibration)] if parameters else []),
+        *([_parameters(calibration)] if parameters else []),
         Section("Fit", Facts(*_facts(calibration, result))),
     ]
+
+
+def _parameters(calibration: Calibration) -> Section:
+    found = identifiability(geometry_of(calibration), calibration.q)
+    return Section("Parameters", *tabulate_estimates(calibration, found))
 
 
 def next_steps(
@@ -246,4 +253,4 @@ def parts_sections(result: Mapping[str, Any], fitted: ChunkedFit, *, parameters:
             ("model error", f"{result['model_error_mm']:.3g} mm per axis (1σ), from the sample"),
         ),
     )
-    return [*([parameters_section(fitted.calibration)] if parameters else []), said]
+    return [*([_parameters(fitted.calibration)] if parameters else []), said]

@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from taskcal.geometry import se3
+from taskcal.identification.calibration import COVERAGE_95
 from taskcal.planning.task_map import Maps, Slice, TaskCurves, TaskMaps
 from taskcal.report.chart import AXIS_COLOURS, BLUE, GREY, SERIES, VERMILION, Axis, Cells, Figure, Panel, Series
-from taskcal.report.content import COVERAGE, NOMINAL, Chart, Section
+from taskcal.report.content import NOMINAL, Chart, Section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 from taskcal.task.workspace import Orientation
@@ -96,7 +97,7 @@ def draw_bands(bands: Mapping[str, Float[np.ndarray, "n 3"]]) -> Figure:
                     kind="line",
                     name=label,
                     x=np.arange(len(deviation)),
-                    y=COVERAGE * 1e3 * deviation[:, k],
+                    y=COVERAGE_95 * 1e3 * deviation[:, k],
                     colour=(GREY, BLUE, VERMILION)[number % 3],
                 )
                 for number, (label, deviation) in enumerate(bands.items())

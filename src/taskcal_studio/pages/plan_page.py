@@ -1,7 +1,7 @@
 """The plan: which poses to measure, what error to expect after it, and a program that goes there."""
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,7 @@ from robot_programs.languages import languages
 from taskcal.geometry import se3
 from taskcal.kinematics.clearance import place_links
 from taskcal.observations.point import Station
-from taskcal.report.chart import GREEN, ORANGE, Axis, Figure, Panel, Series
-from taskcal.report.content import Column, Table
-from taskcal.report.plan import MAX_OVER_BEFORE
+from taskcal.report.plan import plan_sections, tabulate_poses
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal.tables.forms import read_csv
@@ -27,22 +25,15 @@ from taskcal_studio.project import LAYOUT, Choices, Project
 from taskcal_studio.results import plan_of, program_of, read_result, robot_of
 from taskcal_studio.robot_meshes import meshes_if_sound
 from taskcal_studio.runs import Studio
+from taskcal_studio.sections import show_sections
 from taskcal_studio.selection import Selection
 from taskcal_studio.stated_options import OF_IMAGES, OF_TRACKER, arguments, asked, offered
 from taskcal_studio.steps import begin, choose_file, choose_or_drop, download, is_running, show_run
 from taskcal_studio.texts import Texts
-from taskcal_studio.views import NOWHERE, CellView, RowPlayer, figure
+from taskcal_studio.views import NOWHERE, CellView, RowPlayer
 
-RESULT_KEYS = (
-    "expected_error_mm",
-    "random_expected_error_mm",
-    "grid_expected_error_mm",
-    "by_count_mm",
-    "lost",
-    "candidates",
-)
-RESULT_KEYS += ("plan",)
-"""Keys that the page needs of what the command printed."""
+RESULT_KEYS = ("expected_error_mm", "random_plans", "task", "plan")
+"""Keys of what the command printed by which it is known to be of this version."""
 
 
 async def build(studio: Studio, texts: Texts) -> None:
@@ -50,8 +41,9 @@ async def build(studio: Studio, texts: Texts) -> None:
     project = studio.project
     choices = project.choices
     result = read_result(project, plan_of(choices), *RESULT_KEYS)
+    robot = await asyncio.to_thread(robot_of, project)
     if result is not None:
-        _show(result, project, texts)
+        _show(result, project, robot, texts)
     facts([(texts("robot.title"), choices.robot), (texts("task.title"), choices.task)])
     by = {name: texts(f"plan.by_{name}") for name in ("tracker", "pixels")}
     choose_file(project, texts, "observe", by)
@@ -65,7 +57,6 @@ async def build(studio: Studio, texts: Texts) -> None:
     choose_file(project, texts, "language", known, none=texts("plan.no_program"))
     if choices.observe == "pixels":
         _images(project, texts)
-    robot = await asyncio.to_thread(robot_of, project)
     editor = StationEditor(project, robot, texts)
     text("h2", texts("plan.poses_chosen"))
     if not is_running(show_run(studio, "plan", texts)):
@@ -110,61 +101,16 @@ def begin_plan(studio: Studio) -> None:
     begin(studio, "plan", arguments_of(choices), outputs=[one for one in files_of(choices) if one], page="plan")
 
 
-def _show(result: Mapping[str, Any], project: Project, texts: Texts) -> None:
+def _show(result: Mapping[str, Any], project: Project, robot: Robot, texts: Texts) -> None:
     """Show the expected error of the plan, and its files."""
-    count, error = result["count"], texts.number(result["expected_error_mm"], ".4f")
-    headline(texts("plan.headline", error=error), texts("plan.headline_of", count=count))
-    facts(
-        [
-            (texts("plan.random"), f"{texts.number(result['random_expected_error_mm'], '.4f')} mm"),
-            (texts("plan.grid"), f"{texts.number(result['grid_expected_error_mm'], '.4f')} mm"),
-        ]
-    )
-    lost = ", ".join(f"{number} {texts.named('lost', reason)}" for reason, number in result["lost"].items() if number)
-    kept = result["candidates"]
-    text("p", texts("plan.fell_away", kept=kept, lost=lost or texts("plan.none_fell"))).classes("quiet")
-    figure(texts("plan.by_count"), _draw_by_count(result, texts), texts, texts("plan.flat"))
+    error = texts.number(result["expected_error_mm"], ".4f")
+    headline(texts("plan.headline", error=error), texts("plan.headline_of", count=result["count"]))
+    show_sections(plan_sections(result, robot), texts)
     present = project.files(LAYOUT.plans)
     with ui.element("div").classes("row"):
         for path in (result["plan"], *result.get("programs", ()), result.get("report")):
             if path in present:
                 download(texts, path)
-    if fixtures := result.get("standing"):
-        _placed(fixtures, result.get("not_clear_from_the_pose_before", ()), texts)
-
-
-def _placed(fixtures: Sequence[Mapping[str, Any]], unclear: Sequence[Mapping[str, Any]], texts: Texts) -> None:
-    """Where boards or camera are planned for, what to do with the plan, and ways between poses that are not clear."""
-    rows = [
-        (
-            one["name"],
-            *(texts.number(v, ".0f") for v in one["position_mm"]),
-            *(texts.number(round(v, 2) + 0.0, ".2f") for v in one["direction"]),
-        )
-        for one in fixtures
-    ]
-    header = (texts("plan.fixture"), "x mm", "y mm", "z mm", "i", "j", "k")
-    tabulated(Table.of_rows(texts("plan.fixtures"), header, rows))
-    text("p", texts("plan.take_images"))
-    for found in (True, False):
-        poses = [str(one["pose"]) for one in unclear if one["way_round"] == found]
-        if poses:
-            message(texts("plan.way_round" if found else "plan.no_way", poses=", ".join(poses)), fine=found)
-
-
-def _draw_by_count(result: Mapping[str, Any], texts: Texts) -> Figure:
-    """The expected error after so many poses."""
-    errors, count = np.array(result["by_count_mm"], dtype=float), result["count"]
-    shown = errors <= MAX_OVER_BEFORE * result["before_mm"]
-    numbers = np.arange(1, len(errors) + 1)[shown]
-    others = (
-        Series(name=texts(f"plan.{key}"), x=[count], y=[result[f"{key}_expected_error_mm"]], colour=colour, shape=shape)
-        for key, colour, shape in (("random", ORANGE, "square"), ("grid", GREEN, "triangle"))
-    )
-    series = (Series(kind="line", name=texts("plan.planned"), x=numbers, y=errors[shown]), *others)
-    return Figure(
-        panels=(Panel(x=Axis(title=texts("plan.poses_axis"), whole=True), y=Axis(unit="mm", log=True), series=series),)
-    )
 
 
 async def _poses(
@@ -176,13 +122,15 @@ async def _poses(
     if planned_for != project.choices.station:
         message(texts("plan.other_station", station=planned_for or texts("station.none")))
     q, ids = await asyncio.to_thread(read_plan, project.path(str(result["plan"])), robot)
-    known = of_poses(result, len(q))
-    told = [
-        ". ".join(
-            (texts("player.at", id=name, count=len(q)), *(f"{texts(f'plan.{k}')}: {v[i]}" for k, v in known.items()))
+    known = tabulate_poses(result, robot, q) if len(q) == result["count"] else None
+
+    def tell(row: int) -> str:
+        cells = (
+            [] if known is None else list(zip(known.header, known.rows[row], strict=True))[1 + len(robot.joint_names) :]
         )
-        for i, name in enumerate(ids)
-    ]
+        said = (f"{texts.said(name)}: {texts.said(cell)}" for name, cell in cells)
+        return ". ".join((texts("player.at", id=ids[row], count=len(q)), *said))
+
     meshes = await asyncio.to_thread(meshes_if_sound, project)
     with Selection(len(q)) as selection:
         view = CellView(
@@ -194,19 +142,12 @@ async def _poses(
             keep_out=() if station is None else station.keep_out,
         )
         beams = None if station is None else partial(_beams, station, ErrorModel(robot))
-        RowPlayer(view, q, selection, texts("plan.poses"), texts, tell=told.__getitem__, beams=beams)
+        RowPlayer(view, q, selection, texts("plan.poses"), texts, tell=tell, beams=beams)
         text("p", texts("plan.modelled" if robot.link_radii else "plan.no_radii")).classes("quiet")
-        if known:
+        if known is not None:
             with ui.element("details"):
                 text("summary", texts("plan.each_pose"))
-                columns = (
-                    Column("id", ids.__getitem__),
-                    *(
-                        Column(texts(f"plan.{key}"), values.__getitem__, "" if key == "visible" else "s")
-                        for key, values in known.items()
-                    ),
-                )
-                tabulated(Table.of(texts("plan.poses"), columns, range(len(ids))), range(len(ids)))
+                tabulated(known, range(len(ids)), texts=texts)
 
 
 def _beams(
@@ -216,14 +157,6 @@ def _beams(
     T = model.nominal.poses(q[None])
     seen = station.visible(T, place_links(model, q[None]))[0]
     return station.position, se3.apply(T[0], station.offsets)[seen]
-
-
-def of_poses(result: Mapping[str, Any], count: int) -> Mapping[str, Sequence[str]]:
-    """Statements of the command line on each of so many poses, by kind: gaps, what an image shows, reflectors that are seen."""
-    found = {**result.get("clearance_mm", {}), **result.get("views", {})}
-    gaps = {name: [f"{gap:.0f}" for gap in gaps] for name, gaps in found.items() if gaps is not None}
-    seen = {"visible": [", ".join(names) for names in result["visible"]]} if "visible" in result else {}
-    return {name: values for name, values in {**gaps, **seen}.items() if len(values) == count}
 
 
 def read_plan(path: Path, robot: Robot) -> tuple[Float[np.ndarray, "n joints"], list[str]]:

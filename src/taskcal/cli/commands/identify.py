@@ -265,6 +265,7 @@ def report(calibration: "taskcal.Calibration", measured: "taskcal.Campaign", fit
         "rows": len(measured),
         "nominal": before.summary(),
         "fitted": taskcal.validate(calibration, right).summary(),
+        "fitted_by_target": taskcal.report.calibration.residuals_by_target(calibration),
         "held_out": None if held_out is None else held_out.validation.summary(),
         "holdout": None if held_out is None else held_out.summary(),
         "length_scale": None if scale is None else scale.summary(),

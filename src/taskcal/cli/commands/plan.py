@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from robot_programs.core.source import Source
     from taskcal.live.program import Program
     from taskcal.observations import Instrument
-    from taskcal.report.content import Section
 
 
 # Measuring programs that ``taskcal plan`` writes beside the plan.
@@ -223,47 +222,34 @@ def command(
     chosen = _plan(setting, choice, poses.count, measured.campaign or of.calibration, begin)
     visits = _visits(chosen, setting, poses.kept_out, choice.seed)
     sources = programs.compose(setting.model, chosen, visits)
-    visible, clearance = (
-        _visible(chosen, setting.station),
-        None if chosen.of is not None else _clearance(chosen, setting),
-    )
-
-    def sections() -> "Sequence[Section]":
-        return taskcal.report.plan.plan_sections(
-            setting.model,
-            setting.task,
-            chosen,
-            measured_before=setting.measured,
-            clearance=clearance,
-            reflectors=None if visible is None else [len(names) for names in visible],
-            stated=observing.stated is not None,
-        )
-
-    result: dict[str, Any] = {"plan": output, "robot": setting.model.robot.name, **chosen.summary()}
-    if visible is not None:
-        result["visible"] = visible
-    if choice.station is not None:
-        result["station"] = choice.station
-    if clearance is not None:
-        result["clearance_mm"] = clearance
-    result["measured_before"] = setting.measured
-    if of.calibration is not None:
-        result["calibration"] = of.calibration
-    if poses.kept_out:
-        result["kept_out"] = poses.kept_out
-    if sources:
-        result["programs"] = [str(source.path) for source in sources]
+    known = {
+        "visible": _visible(chosen, setting.station),
+        "station": choice.station,
+        "clearance_mm": _clearance(chosen, setting) if chosen.of is None else None,
+        "calibration": of.calibration,
+        "kept_out": poses.kept_out or None,
+        "programs": [str(source.path) for source in sources] or None,
+    }
+    result: dict[str, Any] = {
+        "plan": output,
+        "robot": setting.model.robot.name,
+        "task": setting.task.name,
+        **chosen.summary(),
+        "measured_before": setting.measured,
+        **{name: value for name, value in known.items() if value is not None},
+    }
     if chosen.of is not None and chosen.instrument.label:
         result["standing"] = describe_fixtures(chosen.instrument.fixtures)
+        result["fixtures_stated"] = observing.stated is not None
     text = _text(chosen, setting, visits)
     files = [File("plan", output, text, ", in the order in which to visit the poses")]
     counts = _counts(chosen, visits)
     files += [File("program", one.path, one.encode(), f", {count} poses") for one, count in zip(sources, cycle(counts))]
     return Result(
         summary=result,
-        sections=sections,
+        sections=lambda: taskcal.report.plan.plan_sections(result, setting.model.robot),
         files=files,
-        page=lambda: taskcal.report.plan.plan_page(setting.model, setting.task, chosen, sections(), seed=choice.seed),
+        page=lambda: taskcal.report.plan.plan_page(setting.model, setting.task, chosen, result, seed=choice.seed),
     )
 
 
