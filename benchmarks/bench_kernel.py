@@ -124,7 +124,7 @@ def points(model, joints, x):
             targets=campaign.targets,
             kinds=(observations.Point(),),
         )
-        problem = Problem(layout=layout, q=campaign.q, seen=Seen.of(campaign, layout), noise=campaign.covariances())
+        problem = Problem(layout=layout, q=campaign.q, seen=Seen.of(campaign), noise=campaign.covariances())
         z = layout.start()
         z[: len(x)] = x
         return Points(problem=problem, z=z, whitener=whitener(problem.noise))

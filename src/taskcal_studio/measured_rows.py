@@ -68,7 +68,7 @@ def registered_rows(model: ErrorModel, campaign: Campaign) -> MeasuredRows:
         return alone
     if trusted_distance(distance[campaign.seen]) > PLAUSIBLE_SHARE * model.robot.reach:
         return alone
-    tracked = np.array([one.in_tracker for one in campaign.observations] or [True] * len(campaign.targets), dtype=bool)
+    tracked = np.array([one.in_tracker for one in campaign.observations])
     ends = (T[:, None] @ registration.T_tool_target)[..., :3, 3]
     points = se3.apply(se3.inverse(registration.T_tracker_base), seen)
     return MeasuredRows(

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from taskcal.campaigns.campaign import Campaign, Stations
 from taskcal.errors import CampaignError, TaskcalError, UnknownName
-from taskcal.observations import Point, Pose
+from taskcal.observations import Boards, Point, Pose
 from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import Conditions
 from tests.laws.campaigns import random_pose
@@ -178,9 +178,21 @@ def test_a_tracker_that_is_stated_sees_as_one_that_is_not(poses, kind):
         stations=Stations(names=("1", "2"), of=np.arange(12) % 2, T_first_station=T),
     )
     stated = replace(left_out, observations=(kind,))
-    assert [type(one) for one in left_out.observed] == [type(kind)]
-    assert stated.observed == stated.observations
+    assert left_out.kinds == stated.kinds == (type(kind),)
+    assert left_out.digest == stated.digest
     np.testing.assert_array_equal(left_out.covariances(), stated.covariances())
     there = (left_out.points[1, 0] - T[1, :3, 3]) @ T[1, :3, :3]
     seen = T[1, :3, :3] @ TrackerNoise().covariance(there[None])[0] @ T[1, :3, :3].T
     np.testing.assert_allclose(left_out.covariances()[1, 0, :3, :3], seen, rtol=1e-12)
+
+
+def test_what_a_tracker_measured_follows_the_rotations():
+    """One kind for each target: poses where there are rotations that nothing else measures, else points."""
+    poses = campaign(targets=1, poses=True)
+    points = replace(poses, rotations=None)
+    assert (poses.kinds, points.kinds) == ((Pose,), (Point,))
+    assert replace(points, rotations=poses.rotations).kinds == (Pose,)
+    assert points.digest == replace(points, observations=()).digest != poses.digest
+    both = (Point(), Boards(landmarks=("a",), of=np.zeros(len(poses), dtype=int)))
+    two = {"targets": ("smr", "board"), "points": np.tile(poses.points, (1, 2, 1)), "uncertainty": None}
+    assert replace(poses, observations=both, **two).kinds == (Point, Boards)

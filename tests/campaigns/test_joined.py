@@ -27,7 +27,7 @@ def test_the_rows_of_each_are_as_they_were(ways):
         assert np.isnan(np.delete(joined.points[rows], k, axis=1)).all()
         alone = joined.take(np.arange(len(joined))[rows]).of_targets(part.targets)
         np.testing.assert_array_equal(alone.covariances()[..., :3, :3], part.covariances()[..., :3, :3])
-        if part.observations:
+        if not part.tracked:
             (kind,) = part.observations
             np.testing.assert_array_equal(joined.observations[k].of[rows], kind.of)
             assert joined.observations[k].unknowns == kind.unknowns

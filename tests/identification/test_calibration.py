@@ -87,7 +87,7 @@ def test_residuals_of_some_targets_are_told_by_their_names():
     model = ErrorModel(load_robot("abb-irb6660-205-1.9"))
     campaign, _ = measure(rng, model, irb6660_positions(rng, 50), sigma=3e-5, targets=3)
     found = identify(model, campaign)
-    swapped = replace(campaign, targets=("smr3", "smr1"), points=campaign.points[:, [2, 0]])
+    swapped = campaign.of_targets(("smr3", "smr1"))
     np.testing.assert_array_equal(found.residuals_on(swapped), found.residuals_on(campaign)[:, [2, 0]])
     other = replace(campaign, targets=("smr1", "smr2", "smr4"))
     with pytest.raises(CampaignError, match=r"target 'smr4' is not in the calibration, which knows smr1, smr2, smr3"):

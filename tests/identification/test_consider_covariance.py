@@ -18,7 +18,7 @@ from tests.laws.robots import industrial_positions
 
 def residuals(layout, campaign, z):
     at = layout.walked(campaign.q, z)
-    return Rows(layout, z, at, Seen.of(campaign, layout)).propagate(np.zeros((len(z),) * 2))[0]
+    return Rows(layout, z, at, Seen.of(campaign)).propagate(np.zeros((len(z),) * 2))[0]
 
 
 def dense_jacobian(layout, campaign, z):

@@ -8,10 +8,13 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.identification.held_out import shared_with_neighbours, studentise
 
 
-def campaign_of(points: np.ndarray) -> Campaign:
+def campaign_of(points: np.ndarray, *, poses: bool = False) -> Campaign:
     n, targets = points.shape[:2]
     names = tuple(f"smr{t + 1}" for t in range(targets))
-    return Campaign(ids=tuple(f"p{i}" for i in range(n)), q=np.zeros((n, 6)), targets=names, points=points)
+    rotations = np.tile(np.eye(3), (n, 1, 1)) if poses else None
+    return Campaign(
+        ids=tuple(f"p{i}" for i in range(n)), q=np.zeros((n, 6)), targets=names, points=points, rotations=rotations
+    )
 
 
 @pytest.mark.parametrize("width", [3, 6])
@@ -22,7 +25,7 @@ def test_the_length_is_that_of_the_whitened_residual(width: int) -> None:
     residual = rng.normal(size=(20, 2, width))
     points = np.zeros((20, 2, 3))
     points[4, 1] = residual[4, 1] = np.nan
-    lengths, _ = studentise(residual, own, own, campaign_of(points), 0.01)
+    lengths, _ = studentise(residual, own, own, campaign_of(points, poses=width == 6), 0.01)
     white = np.linalg.solve(np.linalg.cholesky(own), residual[..., None])[..., 0]
     np.testing.assert_allclose(lengths, np.linalg.norm(white, axis=2), rtol=1e-9)
     assert np.isnan(lengths[4, 1])

@@ -27,7 +27,7 @@ def measured(rng, rows, **kind):
     model = ErrorModel(load_robot("ur5"))
     q = rng.uniform(-1.5, 1.5, (rows, 6))
     campaign, _ = simulate(model, q, rng=rng, **kind)
-    if not campaign.observations:
+    if campaign.tracked:
         tails = ERROR_M * np.sqrt(0.75) * rng.standard_t(8.0, campaign.points.shape)
         return model, replace(campaign, points=campaign.points + tails)
     reach = np.linalg.norm(model.poses(campaign.q)[:, :3, 3], axis=1)
@@ -59,7 +59,7 @@ def test_moderate_mistakes_are_left_out_and_sound_rows_are_not(kind, rows, count
         model, campaign = measured(rng, rows, **KINDS[kind])
         wrong = rng.choice(rows, count, replace=False)
         size = rng.uniform(0.8e-3, 3e-3, count)
-        spoilt = turn(model, campaign, wrong, size, rng) if campaign.observations else move(campaign, wrong, size, rng)
+        spoilt = move(campaign, wrong, size, rng) if campaign.tracked else turn(model, campaign, wrong, size, rng)
         out = {row.row for row in identify(model, spoilt).left_out}
         visible, named = visible + count, named + len(out & set(wrong.tolist()))
         innocent += len(out - set(wrong.tolist()))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.errors import FileError
-from taskcal.observations import Sockets
+from taskcal.observations import Point, Sockets
 from taskcal.reading.options import ReadOptions
 from taskcal.reading.reader import read_campaign, read_measurements
 from taskcal.reading.writer import readings_text, write_campaign
@@ -38,7 +38,7 @@ def test_a_tracker_s_points_stand_beside_them(tmp_path):
     np.testing.assert_allclose(campaign.uncertainty, 3e-5)
     assert read_campaign(file, ROBOT, targets=["ball"]).targets == ("ball",)
     alone = read_campaign(file, ROBOT, targets=["tool"])
-    assert (alone.targets, alone.observations) == (("tool",), ())
+    assert (alone.targets, alone.kinds) == (("tool",), (Point,))
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_file_of_sockets_alone_keeps_them_when_it_is_converted(tmp_path):
 
 def test_a_column_place_alone_means_nothing(tmp_path):
     campaign = read_campaign(written(tmp_path, "place,x_mm,y_mm,z_mm", "hall 3,1,2,3"), ROBOT)
-    assert not campaign.observations
+    assert campaign.tracked
     assert any("place" in note for note in campaign.notes)
 
 

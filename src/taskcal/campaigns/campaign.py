@@ -73,7 +73,8 @@ class Campaign:
     rotations: Float[np.ndarray, "n 3 3"] | None = None
     """Orientation of the target in the tracker frame, for poses."""
     observations: tuple[Observation, ...] = ()
-    """How each target was observed; none where a tracker measured points or poses of all."""
+    """How each target was observed; by a tracker by default. What a tracker measured are poses where there are rotations that
+    nothing else measures, and points where there are none, so that ``replace(campaign, rotations=None)`` has points."""
     uncertainty: Float[np.ndarray, "n targets"] | None = None
     """Stated standard uncertainty of each point (per axis), metres; None where the tracker's noise model says it."""
     reference_points: Mapping[str, Float[np.ndarray, "n 3"]] = field(default_factory=dict[str, np.ndarray])
@@ -93,10 +94,9 @@ class Campaign:
     """What the file did not say and was decided in reading it, and what of it was left out."""
 
     def __repr__(self) -> str:
-        measured = " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observed))
         quantities = [name for name in _QUANTITIES if getattr(self.conditions, name) is not None]
         parts = [
-            f"{len(self)} {measured} of {shortened(', '.join(self.targets), 80)}",
+            f"{len(self)} {self.measured} of {shortened(', '.join(self.targets), 80)}",
             f"{int((~self.valid).sum())} beams lost" if not self.valid.all() else "",
             f"reference points {shortened(', '.join(self.reference_points), 80)}" if self.reference_points else "",
             f"stations {shortened(', '.join(self.stations.names), 80)}" if self.stations else "",
@@ -123,7 +123,10 @@ class Campaign:
         for name, (array, shape) in shapes.items():
             if array is not None and array.shape != shape:
                 raise CampaignError(f"{name} has shape {array.shape}; {n} rows and {targets} targets need {shape}")
-        if self.observations and len(self.observations) != targets:
+        object.__setattr__(
+            self, "observations", _by_rotations(self.observations or (Point(),) * targets, self.rotations)
+        )
+        if len(self.observations) != targets:
             raise CampaignError(
                 f"{len(self.observations)} observations do not belong to {targets} targets; give one for each"
             )
@@ -133,8 +136,9 @@ class Campaign:
             raise CampaignError(
                 f"rows {first} and {second} are both named '{shown(name)}'; give each row an id of its own"
             )
-        partly = np.isnan(self.points).any(axis=2) & ~np.isnan(self.points).all(axis=2)
-        if not self.observations and partly.any():
+        tracked = np.array([one.in_tracker for one in self.observations])
+        partly = tracked & np.isnan(self.points).any(axis=2) & ~np.isnan(self.points).all(axis=2)
+        if partly.any():
             row, target = map(int, np.argwhere(partly)[0])
             raise CampaignError(
                 f"{self.row(row)} has a point of '{self.targets[target]}' of which only a part is a number; give NaN for all three "
@@ -146,13 +150,18 @@ class Campaign:
 
     @property
     def kinds(self) -> tuple[type[Observation], ...]:
-        """Kinds of observation of each target; none if a tracker measured all."""
+        """Kind of observation of each target."""
         return tuple(map(type, self.observations))
 
     @property
-    def observed(self) -> tuple[Observation, ...]:
-        """How each target was observed, points or poses of a tracker among it."""
-        return self.observations or (Point() if self.rotations is None else Pose(),) * len(self.targets)
+    def measured(self) -> str:
+        """What was measured, in the plural."""
+        return " and ".join(f"{key}s" for key in dict.fromkeys(one.key for one in self.observations))
+
+    @property
+    def tracked(self) -> bool:
+        """Whether a tracker measured all."""
+        return all(one.in_tracker for one in self.observations)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -177,16 +186,20 @@ class Campaign:
         """Mask of the targets that were seen."""
         return ~np.isnan(self.points[..., 0])
 
-    def refuse_kinds(self, what: str) -> None:
+    def refuse_kinds(self, what: str, remedy: str = "") -> None:
         """See that a tracker measured all.
+
+        Args:
+            what: asks for that, for the message.
+            remedy: at its end.
 
         Raises:
             CampaignError: a target was observed otherwise.
         """
-        for name, one in zip(self.targets, self.observed, strict=True):
+        for name, one in zip(self.targets, self.observations, strict=True):
             if not one.in_tracker:
                 raise CampaignError(
-                    f"{what} takes what a tracker measured; '{name}' was observed otherwise ({one.key})"
+                    f"{what} takes what a tracker measured; '{name}' was observed otherwise ({one.key}){remedy}"
                 )
 
     @property
@@ -252,13 +265,13 @@ class Campaign:
                 out.update(np.ascontiguousarray(array).tobytes())
         if self.stations is not None:
             out.update(np.ascontiguousarray(self.stations.of).tobytes())
-        for one in self.observations:
+        for one in () if self.tracked else self.observations:
             out.update(json.dumps([one.key, one.describe(), [] if one.of is None else one.of.tolist()]).encode())
         return out.hexdigest()[:16]
 
     def covariances(self, noise: TrackerNoise | None = None) -> Float[np.ndarray, "n targets b b"]:
         """Covariance of what was measured of every target, in blocks of 3 or 6, m² and rad²; a tracker's as its station saw it."""
-        kinds, noise = self.observed, noise or TrackerNoise()
+        kinds, noise = self.observations, noise or TrackerNoise()
         b = block_size(kinds)
         out = np.zeros((*self.valid.shape, b, b))
         out[..., range(b), range(b)] = UNMEASURED
@@ -364,15 +377,26 @@ class Campaign:
                 raise UnknownName("target", name, self.targets)
         chosen = [self.targets.index(name) for name in names]
         uncertainty = None if self.uncertainty is None else self.uncertainty[:, chosen]
-        turned = any(self.observed[t].width == 6 for t in chosen)
+        turned = any(self.observations[t].width == 6 for t in chosen)
         return replace(
             self,
             targets=tuple(names),
             points=self.points[:, chosen],
             rotations=self.rotations if turned else None,
             uncertainty=uncertainty,
-            observations=tuple(self.observations[t] for t in chosen) if self.observations else (),
+            observations=tuple(self.observations[t] for t in chosen),
         )
+
+
+def _by_rotations(
+    observations: tuple[Observation, ...], rotations: Float[np.ndarray, "n 3 3"] | None
+) -> tuple[Observation, ...]:
+    """A tracker's points as poses where no other kind measures the rotations, and its poses as points without these."""
+    if rotations is None:
+        return tuple(Point() if one.key == Pose.key else one for one in observations)
+    if any(one.oriented for one in observations):
+        return observations
+    return tuple(Pose() if one.key == Point.key else one for one in observations)
 
 
 # What is stated of a campaign's scale beside its rows: distances of sockets, or that a wire's scale is unknown.
@@ -453,7 +477,7 @@ def join(campaigns: Sequence[Campaign], *, alike: bool = False) -> Campaign:
     first = np.cumsum([0, *map(len, campaigns)])
     fixed = dict.fromkeys(name for one in campaigns for name in one.reference_points) if alike else {}
     kinds = tuple(
-        _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in one.observed
+        _among(kind, int(first[k]), int(first[-1])) for k, one in enumerate(campaigns) for kind in one.observations
     )
     lines = [one.lines for one in campaigns if one.lines is not None]
     return Campaign(
@@ -539,39 +563,26 @@ def name_moving(campaign: Campaign, joints: Sequence[str]) -> list[str]:
 
 def check_rows(campaign: Campaign, parameters: int = 0) -> None:
     """Raise a `CampaignError` unless there are enough measurements for the frames alone, and not of angles only."""
-    if campaign.observations:
-        _check_observed_rows(campaign, parameters)
-        return
-    per_row = block_size(campaign.observed)
-    for t, name in enumerate(campaign.targets):
-        seen = int(campaign.valid[:, t].sum())
-        if seen == 0:
-            others = ", ".join(other for other in campaign.targets if other != name)
-            remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
-            raise CampaignError(f"{named_file(campaign)}target '{name}' was never seen; {remedy}")
-    seen = int(campaign.valid.sum())
-    unknown = 6 + per_row * len(campaign.targets) + parameters
-    if per_row * seen <= unknown:
-        rows = unknown // (per_row * len(campaign.targets)) + 1
-        what = "points" if per_row == 3 else "poses"
-        targets = f"{len(campaign.targets)} target{'s' if len(campaign.targets) > 1 else ''}"
-        raise CampaignError(
-            f"{named_file(campaign)}{seen} measured {what} in {len(campaign)} rows are too few: the tracker frame and {targets} "
-            f"alone need more than {unknown} numbers; measure at least {rows} poses, better 30 or more"
-        )
-
-
-def _check_observed_rows(campaign: Campaign, parameters: int) -> None:
-    check_lengths(campaign.observations, named_file(campaign))
+    name, targets = named_file(campaign), len(campaign.targets)
+    check_lengths(campaign.observations, name)
     unknown, measured = parameters + 6 * any(one.in_tracker for one in campaign.observations), 0
-    for t, one in enumerate(campaign.observations):
-        seen = int(campaign.valid[:, t].sum())
-        if seen == 0:
-            raise CampaignError(f"{named_file(campaign)}'{campaign.targets[t]}' was never measured; measure again")
+    for t, (target, one) in enumerate(zip(campaign.targets, campaign.observations, strict=True)):
+        if not campaign.valid[:, t].any():
+            others = ", ".join(other for other in campaign.targets if other != target)
+            remedy = f"leave it out: choose among {others}" if others else "measure again, or read another target"
+            raise CampaignError(f"{name}target '{target}' was never seen; {remedy}")
         unknown += (6 if one.turned else 3) + len(one.unknowns)
         measured += one.count_numbers(campaign.valid[:, t])
-    if measured <= unknown:
+    if measured > unknown:
+        return
+    if not campaign.tracked:
         raise CampaignError(
-            f"{named_file(campaign)}{measured} measured numbers in {len(campaign)} rows are too few: fixed objects and tool "
-            f"offsets alone need more than {unknown}; measure more poses, better 30 or more"
+            f"{name}{measured} measured numbers in {len(campaign)} rows are too few: fixed objects and tool offsets alone need "
+            f"more than {unknown}; measure more poses, better 30 or more"
         )
+    rows = unknown // sum(one.width for one in campaign.observations) + 1
+    raise CampaignError(
+        f"{name}{int(campaign.valid.sum())} measured {campaign.measured} in {len(campaign)} rows are too few: the tracker frame "
+        f"and {targets} target{'s' if targets > 1 else ''} alone need more than {unknown} numbers; measure at least {rows} poses, "
+        "better 30 or more"
+    )

@@ -555,10 +555,10 @@ def _diagnose_stations(campaign: Campaign, stations: Stations, robot: Robot, pro
 
 def _of_tracker(campaign: Campaign) -> Campaign | None:
     """Targets and rows that a tracker measured, if others were observed beside them; None if they are too few to judge."""
-    names = [name for name, one in zip(campaign.targets, campaign.observations, strict=False) if one.in_tracker]
+    names = [name for name, one in zip(campaign.targets, campaign.observations, strict=True) if one.in_tracker]
     if not 0 < len(names) < len(campaign.targets):
         return None
-    part = replace(campaign.of_targets(names), observations=())
+    part = campaign.of_targets(names)
     part = part.take(part.seen)
     return None if _too_few(part) else part
 
@@ -614,7 +614,7 @@ def _left(found: Diagnosis) -> float:
 def _too_few(campaign: Campaign) -> Finding | None:
     """The only finding where no half of the rows can be judged by the other."""
     fix = ""
-    if campaign.observations:
+    if not campaign.tracked:
         try:
             check_rows(campaign)
         except CampaignError as refusal:

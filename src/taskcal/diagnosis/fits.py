@@ -118,7 +118,7 @@ def fitted_distances(case: Case, rows: Int[np.ndarray, " k"]) -> Float[np.ndarra
         axes = LEVER_SHARE * case.reach * np.swapaxes(campaign.rotations, 1, 2)
         points = np.concatenate([campaign.points, campaign.points + axes], axis=1)
         names = (*campaign.targets, "x", "y", "z")
-        campaign = replace(campaign, targets=names, points=points, rotations=None, uncertainty=None)
+        campaign = replace(campaign, targets=names, points=points, rotations=None, observations=(), uncertainty=None)
     fit = fit_linearly(replace(case, campaign=campaign), rows)
     return np.array([np.inf]) if fit is None else np.maximum(fit.held_out, MIN_NOISE_M)
 

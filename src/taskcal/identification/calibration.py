@@ -395,8 +395,8 @@ def residuals_on(
         CampaignError: a target that the calibration does not know.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    campaign, _ = in_its_frames(calibration, campaign)
-    kinds = observed_kinds(calibration, campaign)
+    campaign, _ = in_its_frames(calibration, as_known(calibration, campaign))
+    kinds = campaign.observations
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, calibration.rows_of(campaign.targets)]
     b = block_size(kinds)
     out = np.full((*campaign.valid.shape, b), np.nan)
@@ -412,9 +412,10 @@ def residuals_on(
     return out
 
 
-def observed_kinds(calibration: "Calibration", campaign: Campaign) -> tuple[Observation, ...]:
-    """Kind of observation of each target of a campaign; a pose's point alone where the calibration knows no rotation."""
-    return campaign.observed if calibration.layout.pose else campaign.observations or (Point(),) * len(campaign.targets)
+def as_known(calibration: "Calibration", campaign: Campaign) -> Campaign:
+    """A campaign, without a tracker's rotations where the calibration knows none."""
+    known = campaign.rotations is None or calibration.layout.pose or not campaign.tracked
+    return campaign if known else replace(campaign, rotations=None)
 
 
 def unknowns_of(
@@ -437,7 +438,7 @@ def _located(
     numbers, layout = calibration.rows_of(campaign.targets), calibration.layout
     ends = calibration.target_poses(campaign.q, campaign.conditions)[:, numbers]
     out: list[tuple[np.ndarray, np.ndarray]] = []
-    for t, kind in enumerate(observed_kinds(calibration, campaign)):
+    for t, kind in enumerate(campaign.observations):
         known, own = np.full(len(kind.unknowns), np.nan), layout.kinds[numbers[t]]
         if own.key == kind.key:
             known = kind.named_like(own, layout.unknowns(calibration.z)[numbers[t]])
@@ -477,7 +478,7 @@ def covariance_on(
             part, names = campaign.take(stations.of == k), layout.stations.names
             there = replace(calibration, layout=replace(layout, station=names.index(name) if name in names else 0))
             out[stations.of == k] = there.predict_covariance(part.q, part.conditions)
-    b = block_size(observed_kinds(calibration, campaign))
+    b = block_size(as_known(calibration, campaign).observations)
     return out[:, calibration.rows_of(campaign.targets), :b, :b] + noise[..., :b, :b]
 
 
@@ -490,7 +491,7 @@ def _covariance_by_kind(
     locate, least squares leave D − B·M·Bᵀ of D, where M = (Bᵀ·D⁻¹·B + P)⁻¹ and P is what is known of them beforehand, next to
     nothing; of the derivative J by what the calibration knows they leave J − B·M·Bᵀ·D⁻¹·J.
     """
-    kinds, numbers = observed_kinds(calibration, campaign), calibration.rows_of(campaign.targets)
+    kinds, numbers = campaign.observations, calibration.rows_of(campaign.targets)
     located = _located(calibration, campaign, settled=settled)
     rows, n, b = _rows_on(calibration, campaign, [unknown for unknown, _ in located]), len(campaign), block_size(kinds)
     layout = rows.layout
@@ -524,7 +525,7 @@ def _rows_on(calibration: "Calibration", campaign: Campaign, unknowns: Sequence[
     kinds = [replace(kind, of=np.zeros(n, dtype=int)) if kind.things else kind for kind in layout.kinds]
     points, valid = np.zeros((n, len(kinds), 3)), np.zeros((n, len(kinds)), dtype=bool)
     points[:, numbers], valid[:, numbers] = campaign.points, campaign.valid
-    for t, kind in zip(numbers, observed_kinds(calibration, campaign), strict=True):
+    for t, kind in zip(numbers, campaign.observations, strict=True):
         kinds[t] = kind
     free = replace(layout, fixed_frames=False)
     there = replace(free, kinds=tuple(kinds))

@@ -445,8 +445,7 @@ def studentise(
         followed: share of the covariance that is too small a residual to judge.
     """
     valid, out = campaign.valid, np.full(campaign.valid.shape, np.nan)
-    whole = list(range(residual.shape[2]))
-    blocks = [one.block() for one in campaign.observations] or [whole] * valid.shape[1]
+    blocks = [one.block() for one in campaign.observations]
     widths = np.array([len(block) for block in blocks])
     for t, block in enumerate(blocks):  # numbers that were measured
         judged, part = valid[:, t], np.ix_(block, block)

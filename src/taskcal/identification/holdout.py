@@ -16,7 +16,7 @@ from taskcal.errors import CampaignError, WrongValue
 from taskcal.estimation.group_variances import Evidence
 from taskcal.estimation.noisy_rows import PoseNoise
 from taskcal.estimation.prior import GaussianPrior
-from taskcal.identification.calibration import Calibration, covariance_on, in_its_frames, observed_kinds
+from taskcal.identification.calibration import Calibration, as_known, covariance_on, in_its_frames
 from taskcal.identification.group_model import (
     GroupFit,
     fit_about,
@@ -188,11 +188,12 @@ def regions_on(
 
     NaN for all where a station is among the rows that the calibration does not know: its frame is found from them.
     """
+    campaign = as_known(calibration, campaign)
     residual, errors = calibration.residuals_on(campaign), campaign.covariances(noise)
     if in_its_frames(calibration, campaign)[1]:
         nothing = np.full(campaign.valid.shape, np.nan)
         return nothing, nothing
-    kinds, own = observed_kinds(calibration, campaign), covariance_on(calibration, campaign, errors)
+    kinds, own = campaign.observations, covariance_on(calibration, campaign, errors)
     return in_regions(residual, own, errors, kinds), in_regions(residual, own, errors, kinds, rotations=True)
 
 

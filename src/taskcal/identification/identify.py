@@ -148,7 +148,7 @@ def _first_sizes(problem: Problem, options: FitOptions) -> Sizes:
 
 def _limits(campaign: Campaign) -> Float[np.ndarray, " targets"]:
     """Standard deviations from which on each target is wrong."""
-    widths = np.array([kind.width for kind in campaign.observed])
+    widths = np.array([kind.width for kind in campaign.observations])
     chance = INNOCENT_ROWS / max(int(campaign.valid.sum()), 1)
     return np.minimum(student_limits(widths, FREEDOM, chance), GROSS_SIGMAS)
 
@@ -250,7 +250,7 @@ def _of_rest(
 ) -> tuple[Float[np.ndarray, "k targets"], Float[np.ndarray, "k targets"]]:
     """What `target_errors` says of some rows."""
     # of some rows alone a kind may lack what it refers to
-    others, at = (campaign, rest) if campaign.observations else (campaign.take(rest), slice(None))
+    others, at = (campaign.take(rest), slice(None)) if campaign.tracked else (campaign, rest)
     distance, length = target_errors(calibration, others, noise)
     return distance[at], length[at]
 
@@ -297,7 +297,7 @@ def hold_scale(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Fi
 
 def scale_is_unobservable(campaign: Campaign) -> bool:
     """Whether a smaller robot leaves smaller residuals of all that was measured."""
-    return all(kind.shrinks for kind in campaign.observed)
+    return all(kind.shrinks for kind in campaign.observations)
 
 
 CONTRADICTING = 3.0
@@ -633,7 +633,7 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign) -> tuple[str, ..
     """List what is unusual about a fit, in words."""
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)
-    if not any(kind.tells_scale for kind in campaign.observed):
+    if not any(kind.tells_scale for kind in campaign.observations):
         held = " within its tolerances as they are stated" if scale_is_unobservable(campaign) else ""
         out.append(
             f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "

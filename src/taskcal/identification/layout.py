@@ -19,7 +19,7 @@ from taskcal.geometry import se3
 from taskcal.kernels.chain import Chain, ErrorFrame, Fixed
 from taskcal.kernels.points import Points, Walked
 from taskcal.kernels.walk import Columns
-from taskcal.observations import Observation, Point, Pose, block_size
+from taskcal.observations import Observation, block_size
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import COMPONENTS, ErrorModel, Prepared
 
@@ -240,7 +240,6 @@ def layout_of(
     campaign: Campaign,
     *,
     fixed: bool,
-    aligned: bool = False,
 ) -> Layout:
     """Lay out the estimate of a campaign.
 
@@ -250,15 +249,13 @@ def layout_of(
         registration: of the campaign.
         campaign: the measurements.
         fixed: hold tracker frame and targets as registered.
-        aligned: take a tracker's rotations as measured in the axes of its positions.
     """
-    one = Point() if campaign.rotations is None else Pose(aligned=aligned)
     return Layout(
         model=model,
         estimated=estimated,
         registration=registration,
         targets=campaign.targets,
-        kinds=campaign.observations or (one,) * len(campaign.targets),
+        kinds=campaign.observations,
         fixed_frames=fixed,
         stations=campaign.stations,
     )

@@ -54,13 +54,13 @@ class Seen:
     """How each target was observed."""
 
     @classmethod
-    def of(cls, campaign: Campaign, layout: Layout) -> "Seen":
-        """Make the measurements of a campaign of a layout's targets."""
+    def of(cls, campaign: Campaign) -> "Seen":
+        """Make the measurements of a campaign."""
         return cls(
             position=np.ascontiguousarray(campaign.points),
             rotation=campaign.rotations,
             valid=np.ascontiguousarray(campaign.valid),
-            kinds=campaign.observations or layout.kinds,
+            kinds=campaign.observations,
         )
 
     def take(self, rows: Int[np.ndarray, " k"] | slice) -> "Seen":
@@ -478,7 +478,7 @@ def problem_of(layout: Layout, campaign: Campaign, noise: TrackerNoise | None) -
     return Problem(
         layout=layout,
         q=np.ascontiguousarray(campaign.q),
-        seen=Seen.of(campaign, layout),
+        seen=Seen.of(campaign),
         noise=campaign.covariances(noise),
         conditions=campaign.conditions,
         of=None if campaign.stations is None else campaign.stations.of,

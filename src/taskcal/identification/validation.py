@@ -17,9 +17,9 @@ from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.calibration import (
     Calibration,
+    as_known,
     covariance_on,
     in_its_frames,
-    observed_kinds,
     residuals_on,
     spread_of,
     unknowns_of,
@@ -106,8 +106,6 @@ def _station_remarks(calibration: Calibration, campaign: Campaign, others: tuple
 
 def _compared(calibration: Calibration, campaign: Campaign) -> tuple[Compared, ...]:
     """Lengths that are stated, and as the calibrated robot finds them in a campaign."""
-    if not campaign.observations:
-        return ()
     found = unknowns_of(calibration, campaign, settled=True)
     return tuple(
         one for kind, unknown in zip(campaign.observations, found, strict=True) for one in kind.compare(unknown)
@@ -146,8 +144,7 @@ def reregister_frames(
         CampaignError: too few rows, or joints and points that do not belong together.
         FitError: the fit of the frames did not converge.
     """
-    if not (campaign.observations or calibration.layout.pose):
-        campaign = replace(campaign, rotations=None)  # the calibration says nothing of rotations
+    campaign = as_known(calibration, campaign)
     registration = register(
         calibration.model, campaign, poses=calibration.tool_in_base(campaign.q, campaign.conditions)
     )
@@ -346,9 +343,8 @@ def examine(
     """
     fitted = reregister_frames(calibration, campaign, noise=noise) if reregister else calibration
     validation = validate(fitted, campaign)
-    residual = errors_on(fitted, campaign)
-    width = residual.shape[2]
-    covariance = campaign.covariances(noise)[..., :width, :width]
+    known = as_known(fitted, campaign)
+    residual, covariance = errors_on(fitted, known), known.covariances(noise)
     rows, targets = np.nonzero(campaign.valid)
     error = residual[rows, targets, :3]
     direction = error / np.maximum(np.linalg.norm(error, axis=1), 1e-300)[:, None]
@@ -358,17 +354,16 @@ def examine(
     outliers: tuple[Outlier, ...] = ()
     shared: tuple[bool, ...] = ()
     if not (reregister or in_its_frames(calibration, campaign)[1]):
-        kinds = observed_kinds(calibration, campaign)
-        stated = covariance_on(calibration, campaign, covariance, settled=True)
-        lengths, outliers = studentise(residual, stated, covariance, campaign, level, FOLLOWED_BY_PLACE)
+        stated = covariance_on(calibration, known, covariance, settled=True)
+        lengths, outliers = studentise(residual, stated, covariance, known, level, FOLLOWED_BY_PLACE)
         shared = shared_with_neighbours(outliers, residual, lengths, campaign.q)
         studentised = lengths[rows, targets]
-        within = in_regions(residual, stated, covariance, kinds)[rows, targets]
+        within = in_regions(residual, stated, covariance, known.observations)[rows, targets]
         judged, inside = np.isfinite(within), within == 1.0
-        turned = in_regions(residual, stated, covariance, kinds, rotations=True)[rows, targets]
+        turned = in_regions(residual, stated, covariance, known.observations, rotations=True)[rows, targets]
         if np.isfinite(turned).any():
             rotation_inside = turned[np.isfinite(turned)] == 1.0
-    one_number = np.array([kind.width == 1 and not kind.angles for kind in campaign.observed])
+    one_number = np.array([kind.width == 1 and not kind.angles for kind in campaign.observations])
     return Examination(
         campaign=campaign,
         validation=validation,

@@ -30,6 +30,7 @@ from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Rows, problem_of, whitener
 from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import Station
+from taskcal.observations.pose import Pose
 from taskcal.registration.options import TARGET_WITHIN
 from taskcal.registration.registration import Registration, register
 from taskcal.robot.conditions import Conditions
@@ -281,9 +282,10 @@ def design(
     Raises:
         CampaignError: too few rows for the frames.
     """
-    registration = register(model, campaign)
-    layout = layout_of(model, np.arange(len(model)), registration, campaign, fixed=False, aligned=True)
-    problem = problem_of(layout, replace(campaign, conditions=Conditions()), noise)
+    aligned = tuple(Pose(aligned=True) if one.turned and one.in_tracker else one for one in campaign.observations)
+    campaign = replace(campaign, observations=aligned, conditions=Conditions())
+    layout = layout_of(model, np.arange(len(model)), register(model, campaign), campaign, fixed=False)
+    problem = problem_of(layout, campaign, noise)
     b = layout.block_size
     covariance = problem.covariance(np.square(model_error[: b // 3]))
     if any(joint_error):

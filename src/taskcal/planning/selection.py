@@ -475,8 +475,9 @@ def climb(calibration: Calibration, campaign: Campaign, *, folds: int = 5, seed:
     Raises:
         CampaignError: too few rows, or other targets than the calibration's.
     """
-    if campaign.targets != calibration.targets or campaign.observations:
-        raise CampaignError("a ladder needs a tracker's campaign of the calibration's own targets")
+    campaign.refuse_kinds("a ladder")
+    if campaign.targets != calibration.targets:
+        raise CampaignError("a ladder needs a campaign of the calibration's own targets")
     if len(campaign) < MIN_ROWS:
         raise CampaignError(f"{len(campaign)} rows are too few for a ladder; at least {MIN_ROWS}")
     names, sizes = list[str](), list[np.ndarray]()

@@ -143,6 +143,6 @@ def _read(path: Path, folder: Path, content: bytes, robot: Robot, first: int) ->
         raise FileError(
             path, "has a column station, and stations are not fitted in parts; leave it out, or fit fewer rows"
         )
-    if campaign.observations:
+    if not campaign.tracked:
         raise FileError(path, "was not measured by a tracker alone; only points and poses are fitted in parts")
     return campaign

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import MOVED, Campaign, with_distances, with_unknown_scale
 from taskcal.errors import FileError, WrongValue, shown
-from taskcal.observations import Point, Pose, Read, StatedCamera, kinds
+from taskcal.observations import Point, Read, StatedCamera, kinds
 from taskcal.reading.joints import COUNTS_OF_A_DEGREE, no_joint, read_table_or_program, within_limits
 from taskcal.reading.options import ReadOptions
 from taskcal.reading.pictures import Corners
@@ -384,14 +384,13 @@ def campaign_of(
     _refuse_copied(readings, {name: points[name] for name in chosen})
     ids = readings.ids or tuple(str(number) for number in range(1, len(readings) + 1))
     values = [*(points[name] for name in chosen), *(one.points for one in observed)]
-    tracked = Pose() if readings.rotations else Point()
     campaign = Campaign(
         ids=ids,
         q=q,
         targets=(*chosen, *(one.target for one in observed)),
         points=np.stack(values, axis=1),
         rotations=_rotations(readings, observed),
-        observations=(*(tracked for _ in chosen), *(one.observation for one in observed)) if observed else (),
+        observations=(*(Point() for _ in chosen), *(one.observation for one in observed)),
         uncertainty=_uncertainty(readings, [*chosen, *(one.target for one in observed)]),
         reference_points={name: points[name] for name in fixed},
         conditions=replace(
@@ -425,11 +424,7 @@ def _with_own_rotations(readings: Readings, chosen: Sequence[str]) -> Readings:
 def _refuse_controllers(readings: Readings, robot: Robot, campaign: Campaign) -> None:
     """See that positions in the robot's base are not the controller's own, where another column may hold the measurement."""
     other = [*readings.left_lengths, *(readings.observed.headers.values() if readings.observed else ())]
-    tracked = [
-        name
-        for t, name in enumerate(campaign.targets)
-        if not campaign.observations or campaign.observations[t].in_tracker
-    ]
+    tracked = [name for name, one in zip(campaign.targets, campaign.observations, strict=True) if one.in_tracker]
     if not other or not tracked:
         return
     from taskcal.registration.plausibility import fits_in_base  # fits, and so imports the compiler

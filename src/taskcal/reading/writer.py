@@ -47,7 +47,7 @@ def campaign_text(campaign: Campaign, robot: Robot) -> str:
         columns["station"] = [stations.names[k] for k in stations.of]
         campaign = campaign.carried(np.tile(np.eye(4), (len(stations.names), 1, 1)))
     for t, name in enumerate(campaign.targets):
-        own = campaign.observations[t].cells(campaign.read(t)) if campaign.observations else None
+        own = campaign.observations[t].cells(campaign.read(t))
         columns |= _position(_prefix(name), campaign.points[:, t]) if own is None else own
         if campaign.uncertainty is not None:
             columns[f"{_prefix(name)}u_mm"] = written(campaign.uncertainty[:, t] * 1e3)

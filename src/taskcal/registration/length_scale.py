@@ -75,10 +75,10 @@ def find_length_scale(model: ErrorModel, campaign: Campaign) -> LengthScale | No
         model: of the robot, without effects.
         campaign: the measurements.
     """
-    names = [name for t, name in enumerate(campaign.targets) if _is_tracked(campaign, t)]
+    names = [name for name, one in zip(campaign.targets, campaign.observations, strict=True) if one.in_tracker]
     if not names or (model.tolerances <= EXACT).all():
         return None
-    part = replace(campaign.of_targets(names), rotations=None, observations=())
+    part = replace(campaign.of_targets(names), rotations=None)
     try:
         T = nominal_poses(model, part)
         registration, distance = register_trimmed(T, part, model)
@@ -102,10 +102,6 @@ def find_length_scale(model: ErrorModel, campaign: Campaign) -> LengthScale | No
         residual.reshape(-1), noise,
     )  # fmt: skip
     return None if found is None or found.left > PLAUSIBLE_SHARE * model.robot.reach else found
-
-
-def _is_tracked(campaign: Campaign, target: int) -> bool:
-    return campaign.observed[target].in_tracker
 
 
 def _estimate(

@@ -1,7 +1,5 @@
 """Whether joints and points of a campaign can belong together at all, to this robot and to an instrument."""
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float
 
@@ -45,7 +43,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
     If all but a few rows fit, the message names these; else it names what is usually wrong. Nor can it fit exactly.
     """
     refuse_calculated(model, campaign, registration)
-    if registration.rms < COMPUTED_RESIDUAL_M and all(kind.touched for kind in campaign.observed):
+    if registration.rms < COMPUTED_RESIDUAL_M and all(kind.touched for kind in campaign.observations):
         raise CampaignError(
             f"{named_file(campaign)}contacts agree with the nominal model to {registration.rms * 1e9:.1g} nm, as no real one "
             "lets it: these joints were computed, as a plan's are; write down what the controller shows where it touches"
@@ -82,12 +80,12 @@ def refuse_calculated(model: ErrorModel, campaign: Campaign, registration: Regis
         return
     for t, name in enumerate(campaign.targets):
         points = campaign.points[campaign.valid[:, t], t]
-        if len(points) < MIN_EXACT_POINTS or not campaign.observed[t].in_tracker:
+        if len(points) < MIN_EXACT_POINTS or not campaign.observations[t].in_tracker:
             continue
         found = registration
         if found is None or len(campaign.targets) > 1:
             try:
-                found = register(model, replace(campaign.of_targets([name]), observations=()))
+                found = register(model, campaign.of_targets([name]))
             except CampaignError:
                 continue
         scatter = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
@@ -145,7 +143,7 @@ def fits_in_base(robot: Robot, campaign: Campaign, target: str) -> bool:
     """Whether the nominal robot fits a tracked target in a frame that is its own base."""
     model = ErrorModel(robot)
     try:
-        found = register(model, replace(campaign.of_targets([target]), observations=()))
+        found = register(model, campaign.of_targets([target]))
     except CampaignError:
         return False
     return found.rms <= PLAUSIBLE_SHARE * robot.reach and is_in_base(found)

@@ -1,6 +1,6 @@
 """Registration: tracker frame and targets from raw measurements and the nominal robot alone."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -189,11 +189,7 @@ def register(model: ErrorModel, campaign: Campaign, poses: Float[np.ndarray, "n 
     """
     check_rows(campaign)
     T = nominal_poses(model, campaign) if poses is None else poses
-    if campaign.observations:
-        return register_observations(T, campaign, model)[0]
-    if campaign.rotations is None:
-        return _register_points(T, campaign, model.robot.reach)
-    return _register_poses(T, campaign, model.robot.reach)
+    return register_observations(T, campaign, model)[0]
 
 
 def register_observations(
@@ -213,10 +209,14 @@ def register_observations(
         CampaignError: rows that do not determine a target.
     """
     tracked = [t for t, one in enumerate(campaign.observations) if one.in_tracker]
+    if len(tracked) == len(campaign.targets):
+        by_tracker = _register_points if campaign.rotations is None else _register_poses
+        first = by_tracker(T, campaign, model.robot.reach)
+        return first, np.nan_to_num(distances(first, campaign, T)).max(axis=1)
     base, place, off = np.eye(4), np.tile(np.eye(4), (len(campaign.targets), 1, 1)), np.zeros(campaign.valid.shape)
     hidden = np.zeros((3 * len(campaign.targets), 3 * len(campaign.targets)))
     if tracked:
-        seen = replace(campaign.of_targets([campaign.targets[t] for t in tracked]), observations=())
+        seen = campaign.of_targets([campaign.targets[t] for t in tracked])
         first = register(model, seen, T)
         base, place[tracked] = first.T_tracker_base, first.T_tool_target
         off[:, tracked] = np.nan_to_num(distances(first, seen, T))
@@ -365,12 +365,12 @@ def register_trimmed(
     Raises:
         CampaignError: rows that do not determine the frames.
     """
-    if not campaign.observations:
-        return _trimmed(Cloud.of(T, campaign), campaign, model.robot.reach)
     tracked = [name for name, one in zip(campaign.targets, campaign.observations, strict=True) if one.in_tracker]
+    if len(tracked) == len(campaign.targets):
+        return _trimmed(Cloud.of(T, campaign), campaign, model.robot.reach)
     right = campaign.seen
     if tracked:
-        alone = replace(campaign.of_targets(tracked), observations=())
+        alone = campaign.of_targets(tracked)
         distance = register_trimmed(T, alone, model)[1]
         right = np.asarray(right & ((distance <= FAR_MEDIANS * float(np.median(distance[alone.seen]))) | ~alone.seen))
     return register_observations(T, campaign.without(~right), model)
@@ -555,11 +555,11 @@ def registration_residuals(registration: Registration, model: ErrorModel, campai
             that was read from a file does.
     """
     T = nominal_poses(model, campaign)
-    if not campaign.observations:
-        return RegistrationResiduals(distances(registration, campaign, T))
-    ends, off = registration.T_tracker_base @ T, np.full(campaign.valid.shape, np.nan)
+    ends, off = registration.T_tracker_base @ T, distances(registration, campaign, T)
     unknowns = registration.unknowns or tuple(np.zeros(0) for _ in campaign.observations)
     for t, one in enumerate(campaign.observations):
+        if one.in_tracker:
+            continue
         if len(unknowns[t]) != len(one.unknowns):
             raise CampaignError(
                 f"{named_file(campaign)}the registration lacks the fixed objects that '{campaign.targets[t]}' was measured "

@@ -9,7 +9,6 @@ from taskcal.campaigns.campaign import Campaign, named_file
 from taskcal.errors import CampaignError, listed
 from taskcal.estimation.matrices import single_threaded
 from taskcal.geometry import se3
-from taskcal.observations import Point
 from taskcal.registration.registration import (
     PLAUSIBLE_SHARE,
     nominal_poses,
@@ -117,7 +116,7 @@ def fit_rotations(model: ErrorModel, campaign: Campaign) -> RotationFit | None:
     target = _turned_target(campaign)
     if target is None or campaign.rotations is None or campaign.valid[:, target].sum() < MIN_POSES:
         return None
-    points = replace(campaign.of_targets([campaign.targets[target]]), rotations=None, observations=())
+    points = replace(campaign.of_targets([campaign.targets[target]]), rotations=None)
     try:
         T = nominal_poses(model, points)
         registration, distance = register_trimmed(T, points, model)
@@ -174,8 +173,7 @@ def leave_out_wrong_rotations(model: ErrorModel, campaign: Campaign) -> Campaign
     if fit is None or fit.few:
         return campaign
     note = f"{fit.said(campaign)}. All rotations are left out and positions alone used; 'taskcal doctor' looks for what is wrong"
-    kinds = tuple(Point() if t == _turned_target(campaign) else one for t, one in enumerate(campaign.observations))
-    return replace(campaign, rotations=None, observations=kinds, notes=(*campaign.notes, note))
+    return replace(campaign, rotations=None, notes=(*campaign.notes, note))
 
 
 def refuse_wrong_rotations(model: ErrorModel, campaign: Campaign) -> None:
@@ -190,10 +188,7 @@ def refuse_wrong_rotations(model: ErrorModel, campaign: Campaign) -> None:
 
 def _turned_target(campaign: Campaign) -> int | None:
     """The target whose rotations a tracker measured, if any."""
-    if campaign.rotations is None:
-        return None
-    kinds = campaign.observations
-    of = [t for t in range(len(campaign.targets)) if not kinds or (kinds[t].in_tracker and kinds[t].turned)]
+    of = [t for t, one in enumerate(campaign.observations) if one.in_tracker and one.turned]
     return of[0] if len(of) == 1 else None
 
 

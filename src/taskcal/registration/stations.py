@@ -47,11 +47,7 @@ def join_stations(model: ErrorModel, parts: Sequence[tuple[str, Campaign]]) -> C
     for name, part in parts:
         if not name:
             raise CampaignError(f"{named_file(part)}a station has no name; give each row's in the column station")
-        if part.observations:
-            raise CampaignError(
-                f"{named_file(part)}stations are those of a tracker; '{part.targets[0]}' was observed otherwise "
-                f"({part.observations[0].key}): leave out the column station, or give one file"
-            )
+        part.refuse_kinds(f"{named_file(part)}a station", ": leave out the column station, or give one file")
     names = tuple(dict.fromkeys(name for name, _ in parts))
     whole = join([part for _, part in parts], alike=True)
     of = np.repeat([names.index(name) for name, _ in parts], [len(part) for _, part in parts])

@@ -149,7 +149,7 @@ async def build(studio: Studio, texts: Texts) -> None:
         concerned = concerned_rows(findings, campaign)
         _list_concerned(concerned, campaign, robot, texts)
         _in_space(campaign, measured, robot, meshes, concerned, selection, texts)
-        if not campaign.observations:
+        if campaign.tracked:
             show_course(campaign, texts)
 
 
@@ -220,7 +220,7 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
     facts(campaign_facts(campaign, texts))
     for note in campaign.notes:
         message(note, fine=True)
-    if campaign.observations:
+    if not campaign.tracked:
         return
     first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
@@ -394,7 +394,7 @@ def concerned_rows(findings: Sequence[Mapping[str, Any]], campaign: Campaign) ->
 
 
 def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Robot, texts: Texts) -> None:
-    if not concerned or campaign.observations:
+    if not (concerned and campaign.tracked):
         return
     listed = sorted(concerned)[:MAX_CONCERNED]
     header, *rows = csv.reader(campaign_text(campaign.take(listed), robot).splitlines())

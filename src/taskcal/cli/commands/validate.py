@@ -74,7 +74,7 @@ def command(
         info(remark)
     decision = acceptance.decide(examination)
     frames = "tracker frame and targets refitted" if reregister else "frames of the calibration"
-    if measured.observations:
+    if not measured.tracked:
         frames = "fixed objects located by the calibrated robot, from these rows"
     where = f"{calibrated.model.robot.name} on {' '.join(map(str, campaign))} ({frames})"
     failed = decision is not None and not decision.accepted

@@ -241,7 +241,7 @@ def is_calculated(calibration: Calibration) -> bool:
 def _calculated(fit: Checked) -> Iterator[str]:
     calibration = fit.calibration
     rms = float(np.sqrt(np.nanmean(np.sum(calibration.residuals[..., :3] ** 2, axis=-1))))
-    if fit.campaign.observations:
+    if not fit.campaign.tracked:
         return
     if is_calculated(calibration):
         yield (
@@ -285,7 +285,7 @@ def _other_board(fit: Checked) -> Iterator[str]:
 
 def _wrong_rotations(fit: Checked) -> Iterator[str]:
     calibration = fit.calibration
-    if not calibration.layout.pose or fit.campaign.observations:
+    if not calibration.layout.pose:
         return
     by_tolerance = (
         calibration.tool_jacobian(calibration.q)[:, 3:, : len(calibration.model)] * calibration.model.tolerances
@@ -326,7 +326,7 @@ MICRO = 1e-3
 
 def _overstated(fit: Checked) -> Iterator[str]:
     stated, campaign = fit.campaign.uncertainty, fit.campaign
-    if stated is None or campaign.observations or stated.shape != fit.calibration.residuals.shape[:2]:
+    if stated is None or not campaign.tracked or stated.shape != fit.calibration.residuals.shape[:2]:
         return
     for t, name in enumerate(campaign.targets):
         left = fit.calibration.residuals[:, t, :3]
