@@ -459,11 +459,8 @@ def _from_here(line: MotionLine, points: Sequence[Point], function: str) -> Iter
                 values, stated = {"": None}, dict[str, str]()
         if any(name not in ("X", "Y", "Z") and value != 0.0 for name, value in values.items()):
             raise Unresolved("its distance is not stated by X, Y and Z alone")
-        whole = (
-            "{FRAME: "
-            + ",".join(f"{name} {stated[name] if name in 'XYZ' and name in stated else 0}" for name in POSE)
-            + "}"
-        )
+        along = {name: written for name, written in stated.items() if name in ("X", "Y", "Z")}
+        whole = "{FRAME: " + ",".join(f"{name} {along.get(name, 0)}" for name in POSE) + "}"
         parts = (f"{function}{OF_HERE}()", whole) if line.along == "#TOOL" else (whole, f"{function}{OF_HERE}()")
         new, start = f"{function}{OF_FRAME}({parts[0]}:{parts[1]})", point.operand.start
         yield TextEdit(start=start, end=point.operand.end, text=f" {new}" if text[start - 1].isalnum() else new)

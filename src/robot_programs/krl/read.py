@@ -22,7 +22,7 @@ from robot_programs.krl.lower import Lowered, MotionStep, lowered
 from robot_programs.krl.meaning import KrlMeaning
 from robot_programs.krl.points import Site
 from robot_programs.krl.rewrite import KrlProgram
-from robot_programs.krl.syntax import Begin, MotionLine, lines_of_words
+from robot_programs.krl.syntax import Begin, MotionLine
 from taskcal_groundwork.errors import FileError, InputError
 
 
@@ -158,11 +158,10 @@ def _elsewhere(found: Interpreter, form: Lowered, motions: Sequence[Motion]) -> 
 
 def _warned(files: Sequence[File]) -> Iterator[Said]:
     """Where the controller may correct its geometry by itself."""
-    for file in files:
-        for words in lines_of_words(file.source.text) if "$ABS_" in file.source.text.upper() else ():
-            if any(word.upper in ("$ABS_ACCUR", "$ABS_CONVERT") for word in words):
-                text = "the controller's own absolute accuracy may be on; a corrected program would then correct twice"
-                yield file.number, words[0].start, text, False
+    text = "the controller's own absolute accuracy may be on; a corrected program would then correct twice"
+    for file in (file for file in files if "$ABS_" in file.source.text.upper()):
+        for at in (at for name in ("$ABS_ACCUR", "$ABS_CONVERT") for at in file.mentions.get(name, ())):
+            yield file.number, file.source.start(file.source.line(at)), text, False
 
 
 def _taken(files: Sequence[File], names: Names) -> Iterator[Diagnostic]:

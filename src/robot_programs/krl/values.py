@@ -1,4 +1,7 @@
-"""Values of KRL's data: numbers, truth values, enumeration constants and structures; operators and functions of them."""
+"""Values of KRL's data: numbers, truth values, enumeration constants and structures; operators and functions of them.
+
+Positions are structures of X Y Z in millimetres, A B C or A1 … A6 in degrees, S and T.
+"""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
