@@ -119,10 +119,10 @@ class Words:
 
     def accept(self, *texts: str) -> bool:
         """Read the next word if it is one of some."""
-        if self.next.upper not in texts:
-            return False
-        self.number += 1
-        return True
+        found = self.at(*texts)
+        if found:
+            self.take()
+        return found
 
     def expect(self, text: str) -> None:
         """Read a word.

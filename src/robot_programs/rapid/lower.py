@@ -4,7 +4,6 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 from robot_programs.core import flow
 from robot_programs.core.flow import Arm, Block, Branches, Leave, Node, Step, Unknown
@@ -32,7 +31,7 @@ from robot_programs.rapid.names import (
     Symbol,
 )
 from robot_programs.rapid.parse import ROUTINE_ENDS, Argument, Notes, NotUnderstood, Reader
-from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL, Layout, MotionForm, MotionLine, layout
+from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL, Layout, MotionLine, layout
 from robot_programs.rapid.syntax import LIST, NAME, RESERVED, Declaration, Module, NotRead, Problem, RoutineText, key_of
 from robot_programs.rapid.values import TARGETS
 
@@ -192,8 +191,6 @@ def _assigned_by_change(tokens: Sequence[Word], keys: Sequence[str]) -> frozense
 
 # Lines of the form, with what RAPID needs of their text.
 
-T = TypeVar("T")
-
 SOFT = Symbol(name="SoftAct", type="bool")
 """Whether a servo gives way."""
 
@@ -304,25 +301,14 @@ _MOVE = re.compile(
 """Motions that make up long programs, whose targets are names or lists of numbers, and the rest up to the semicolon."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Tail:
-    """What motions have behind their targets, names alone: that of most lines is alike, and is read once."""
-
-    form: MotionForm
-    type: str
-    """Of the targets."""
-    options: frozenset[str]
-    settings: Mapping[str, Expression]
-
-
 class _Lowering(Reader):
     """A module or routine, lowered to nodes."""
 
     def __init__(self, procedure: Procedure, form: Lowered, notes: Notes) -> None:
         super().__init__(notes, procedure.file.number)
         self.procedure, self.form, self.scope = procedure, form, procedure.scope
-        self.tails: dict[tuple[str, Scope, str], _Tail] = {}
-        """By instruction, scope and text."""
+        self.tails: dict[tuple[str, Scope, str], MotionLine] = {}
+        """Motions with names alone behind their targets, by instruction, scope and text there: that of most lines is alike."""
         self.passed: Mapping[int, Declaration | NotRead] = {}
         """What is declared among the statements, by its first character."""
 
@@ -345,24 +331,16 @@ class _Lowering(Reader):
         own = symbol.declaration
         if own is None:
             return
+        counted, self.depth = self.notes.counted["values"], 0
         if own.dimensions:
-            self.form.sizes[symbol] = self._again(own.sizes_at, self.indices)
+            self.jump(own.sizes_at)
+            self.form.sizes[symbol] = self.indices()
         if own.literal is not None:
             self.form.values[symbol] = own.literal
         elif own.value_at:
-            self.form.values[symbol] = self._at(own.value_at)
-
-    def _again(self, place: int, read: Callable[[], T]) -> T:
-        """What stands at a place that was read before, and counted then, without the meaning of names."""
-        counted, self.notes.counted["values"], self.depth = self.notes.counted["values"], 0, 0
-        self.jump(place)
-        found = read()
-        self.notes.counted["values"] = counted
-        return found
-
-    def _at(self, place: int) -> Expression:
-        """The expression at a place."""
-        return self._again(place, self.expression)
+            self.jump(own.value_at)
+            self.form.values[symbol] = self.expression()
+        self.notes.counted["values"] = counted  # as when they were read without the meaning of names
 
     # Expressions.
 
@@ -593,10 +571,10 @@ class _Lowering(Reader):
             self.depth -= 1
             return Branches(line=Check(at=self.span(start), conditions=tuple(read)), name="IF", arms=tuple(arms))
         symbol, arms = None, list[Arm]()
-        if counter is not None:
-            symbol, self.scope = outer.with_counter(counter)
         if key != "TEST":
             self.expect(behind)
+            if counter is not None:
+                symbol, self.scope = outer.with_counter(counter)
             try:
                 arms.append(Arm(condition=read[0], body=self._block()))
             finally:
@@ -759,16 +737,17 @@ class _Lowering(Reader):
         if found is None or self.depth + 4 > MAX_DEPTH:
             return None
         name, via, to, behind = found.group("name", "via", "to", "tail")
-        tail = self.tails.get((name.lower(), self.scope, behind))
-        if tail is None or (via is None) != (tail.form.kind != "circular") or _is_reserved(via) or _is_reserved(to):
+        like = self.tails.get((name.lower(), self.scope, behind))
+        if like is None or len(like.points) != (1 if via is None else 2) or _is_reserved(via) or _is_reserved(to):
             return None
-        points = (self._plain_target(*found.span("to"), tail.type),)
+        type_ = MOTION_FORMS[like.key].target
+        points = (self._plain_target(*found.span("to"), type_),)
         if via is not None:
-            points = (self._plain_target(*found.span("via"), tail.type), *points)
+            points = (self._plain_target(*found.span("via"), type_), *points)
         self.jump(found.end())
         return MotionLine(
-            at=(self.file, start, found.end()), points=points, settings=tail.settings, ends=tail.form.ends_there,
-            name=name, options=tail.options, routine=self.procedure.name, scope=self.scope, compact=False, shared=True,
+            at=(self.file, start, found.end()), points=points, settings=like.settings, ends=like.ends, name=name,
+            options=like.options, routine=like.routine, scope=self.scope, shared=True,
         )  # fmt: skip
 
     def _plain_target(self, start: int, end: int, type_: str) -> Expression:
@@ -786,7 +765,7 @@ class _Lowering(Reader):
         settings = {str(k): one for k, one in enumerate(given)}
         return MotionLine(
             at=self.span(name.start), settings=settings, why=why, ends=False, name=name.text, options=options,
-            routine=self.procedure.name, scope=self.scope, compact=False, finds=self._finds(name, arguments),
+            routine=self.procedure.name, scope=self.scope, finds=self._finds(name, arguments),
         )  # fmt: skip
 
     def _finds(self, name: Word, arguments: Sequence[Argument]) -> Ref | None:
@@ -797,22 +776,22 @@ class _Lowering(Reader):
 
     def _motion(self, name: Word, arguments: Sequence[Argument], options: frozenset[str]) -> MotionLine:
         key, at = key_of(name), self.span(name.start)
-        form, type_ = MOTION_FORMS[key], "jointtarget" if MOTION_FORMS[key].kind == "axes" else "robtarget"
+        form = MOTION_FORMS[key]
         try:
             where = layout(key, arguments)
         except Unresolved as why:
             given = [argument.value for argument in arguments if argument.value is not None]
             return self._unread_motion(name, arguments, options, str(why), given)
-        points = tuple(self._target(one, type_) for one in (where.via, where.to) if one is not None)
+        points = tuple(self._target(one, form.target) for one in (where.via, where.to) if one is not None)
         settings, found = self._settings(where, arguments), _MOVE.match(self.text, name.start)
         shared = found is not None and found.end("to") == where.to.end and self._is_plain(where, arguments)
-        if shared:
-            place = key, self.scope, self.text[where.to.end : at[2]]
-            self.tails[place] = _Tail(form=form, type=type_, options=options, settings=settings)
-        return MotionLine(
+        line = MotionLine(
             at=at, points=points, settings=settings, ends=form.ends_there, name=name.text, options=options,
-            routine=self.procedure.name, scope=self.scope, compact=False, shared=shared, finds=self._finds(name, arguments),
+            routine=self.procedure.name, scope=self.scope, shared=shared, finds=self._finds(name, arguments),
         )  # fmt: skip
+        if shared:
+            self.tails[key, self.scope, self.text[where.to.end : at[2]]] = line
+        return line
 
     def _is_plain(self, where: Layout, arguments: Sequence[Argument]) -> bool:
         """Whether all behind the targets is names, of data that neither are nor hold targets."""

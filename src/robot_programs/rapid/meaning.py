@@ -373,7 +373,7 @@ class RapidMeaning(Meaning):
         for point in line.points:
             if isinstance(point, Ask | Rec | Ref) and not self.computes(point):
                 raise Unresolved("its point comes from a function that does more than compute it")
-        type_: TargetType = "jointtarget" if MOTION_FORMS[line.key].kind == "axes" else "robtarget"
+        type_ = MOTION_FORMS[line.key].target
         try:
             manner = self._manner(line, settings)
         except Unresolved as reason:

@@ -69,29 +69,26 @@ DATA: Mapping[str, tuple[str, Value]] = {
 }
 """Type and value of data that the system declares."""
 
-_MOTIONLESS = """
-    accset worldacclim velset confj confl singarea cirpathmode softact softdeact gripload mechunitload set reset setdo
-    setao setgo pulsedo invertdo setalldo waittime waitdi waitdo waitai waitao waitgi waitgo waituntil waitrob
-    waitsynctask waittestandset tpwrite tperase tpshow uimsgbox uishow uimsgwrite uimsgwriteabort errwrite errlog
-    errraise stop break systemstopaction stopmove startmove stopmovereset clkstart clkstop clkreset isignaldi isignaldo
-    isignalai isignalao isignalgi isignalgo ipers ivarvalue ierror itimer idelete ienable idisable isleep iwatch
-    motionsup triggio triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin
-    writeanybin rewind clearrawbytes packrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispon
-    pdispset pdispoff
-    tunereset tuneservo pathresol actunit deactunit spystart spystop connect
-    socketcreate socketbind socketlisten socketaccept socketconnect socketsend socketreceive socketclose
-    tpreadfk tpreadnum tpreaddnum incr decr add clear gettime settime bitset bitclear getsysdata
-    getdataval readanybin readcfgdata rmqgetmsgdata unpackrawbytes setdataval
-"""
-MOTIONLESS = frozenset(_MOTIONLESS.split())
-"""Instructions that move nothing."""
-
 _CHANGING = """
     tpreadfk tpreadnum tpreaddnum incr decr add clear bitset bitclear getsysdata packrawbytes socketreceive socketaccept
     getdataval readanybin readcfgdata rmqgetmsgdata unpackrawbytes waittestandset strtoval testandset
 """
 CHANGING = frozenset(_CHANGING.split())
 """Instructions and functions that move nothing, but change what they are given, of any type."""
+
+_MOTIONLESS = """
+    accset worldacclim velset confj confl singarea cirpathmode softact softdeact gripload mechunitload set reset setdo
+    setao setgo pulsedo invertdo setalldo waittime waitdi waitdo waitai waitao waitgi waitgo waituntil waitrob
+    waitsynctask tpwrite tperase tpshow uimsgbox uishow uimsgwrite uimsgwriteabort errwrite errlog errraise stop break
+    systemstopaction stopmove startmove stopmovereset clkstart clkstop clkreset isignaldi isignaldo isignalai isignalao
+    isignalgi isignalgo ipers ivarvalue ierror itimer idelete ienable idisable isleep iwatch motionsup triggio
+    triggequip triggint triggcheckio triggspeed triggrampao open close write writebin writestrbin writeanybin rewind
+    clearrawbytes load unload startload cancelload eoffson eoffsoff eoffsset pdispon pdispset pdispoff tunereset
+    tuneservo pathresol actunit deactunit spystart spystop connect socketcreate socketbind socketlisten socketconnect
+    socketsend socketclose gettime settime setdataval
+"""
+MOTIONLESS = CHANGING.union(_MOTIONLESS.split())
+"""Instructions that move nothing."""
 
 RETURNING = frozenset(
     {"timeflag", "valueattimeout", "dvalueattimeout", "breakflag", "result", "errornumber", "accuracy"}
@@ -101,20 +98,19 @@ RETURNING = frozenset(
 _OTHERS = """
     acteventbuffer aliascamera aliasio aliasioreset bookerrno checkprogref clearallintr cleariobuff clearpath closedir
     copyfile copyrawbytes cornerpathwarning corrclear corrcon corrdiscon corrwrite deacteventbuffer dropsensor dropwobj
-    erasemodule fricidevaluate fricidinit fricidsetfriclevels getjointdata gettrapdata hollowwristreset
-    indreset inputdo iobusstart iobusstate iodisable ioenable ireadcfgdata irmqmessage isignalgo loadid makedir
-    manloadidproc matrixsolve matrixsolveqr matrixsvd mechunitload motionprocessmodeset opendir packdnheader pathacclim
-    pathlengthreset pathlengthstart pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser
-    readblock readerrdata readrawbytes readvararr removeallcyclicbool removecyclicbool removedir removefile
-    renamefile resetaxisdistance resetaxismovetime resetppmoved resetretrycount resettorquemargin rmqemptyqueue
-    rmqfindslot rmqgetmessage rmqgetmsgheader rmqreadwait rmqsendmessage rmqsendwait
-    safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch setleadthrough
-    setsysdata setupcyclicbool setupsuperv siclose siconnect sigetcyclic sisetcyclic skipwarn softelbow speedlimaxis
-    speedlimcheckpoint speedrefresh startmoveretry supsyncsensoroff supsyncsensoron syncmoveoff syncmoveon
+    erasemodule fricidevaluate fricidinit fricidsetfriclevels getjointdata gettrapdata hollowwristreset indreset inputdo
+    iobusstart iobusstate iodisable ioenable ireadcfgdata irmqmessage loadid makedir manloadidproc matrixsolve
+    matrixsolveqr matrixsvd motionprocessmodeset opendir packdnheader pathacclim pathlengthreset pathlengthstart
+    pathlengthstop pathrecstart pathrecstop proccall procerrrecovery raisetouser readblock readerrdata readrawbytes
+    readvararr removeallcyclicbool removecyclicbool removedir removefile renamefile resetaxisdistance resetaxismovetime
+    resetppmoved resetretrycount resettorquemargin rmqemptyqueue rmqfindslot rmqgetmessage rmqgetmsgheader rmqreadwait
+    rmqsendmessage rmqsendwait safetycontrollersyncrequest save savecfgdata sendevice setalldataval setdatasearch
+    setleadthrough setsysdata setupcyclicbool setupsuperv siclose siconnect sigetcyclic sisetcyclic skipwarn softelbow
+    speedlimaxis speedlimcheckpoint speedrefresh startmoveretry supsyncsensoroff supsyncsensoron syncmoveoff syncmoveon
     syncmoveresume syncmovesuspend syncmoveundo synctosensor testsigndefine testsignreset texttabinstall triggdatacopy
-    triggdatareset triggstopproc tryint uimsgwriteabort waitload waitsensor waitwobj warmstart
-    writeblock writecfgdata writerawbytes writevar writevararr wzboxdef wzcyldef wzdisable wzdoset wzenable wzfree
-    wzhomejointdef wzlimjointdef wzlimsup wzsphdef exitcycle
+    triggdatareset triggstopproc tryint waitload waitsensor waitwobj warmstart writeblock writecfgdata writerawbytes
+    writevar writevararr wzboxdef wzcyldef wzdisable wzdoset wzenable wzfree wzhomejointdef wzlimjointdef wzlimsup
+    wzsphdef exitcycle
 """
 INSTRUCTIONS = MOTIONLESS | frozenset(_OTHERS.split())
 """Instructions of the system that are no motions; all others are motions, or routines of a program."""
@@ -146,7 +142,7 @@ MOVING = (
 SYSTEM_MOTION = re.compile(
     r"move(j|l|c|absj|extj)(do|ao|go|sync)?|trigg(j|l|c|absj)(ios)?|search(l|c|extj)|arc(moveabsj|move[jlc](do|ao|go)?)|"
     r"arc[lc][12]?(start|end)?[12]?|arc(moveextj|[a-z]*refl?)|spot(m?[lj])|disp[lc]|paint[lc]|cap(l|c|apcsyncset)|smove[jl](do|sync)?|"
-    r"ind[acdr]move|ind(a|c|d|r)move|egm\w+|fcpress(1l|l|c|end)|restopath|storepath|pathrecmove(bwd|fwd)|stepbwdpath|clearpath"
+    r"ind[acdr]move|egm\w+|fcpress(1l|l|c|end)|restopath|storepath|pathrecmove(bwd|fwd)|stepbwdpath|clearpath"
 )
 """The names themselves: motions that leave tools and work objects that they are given as they are."""
 

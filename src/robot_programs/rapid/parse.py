@@ -199,13 +199,6 @@ class Reader(Cursor):
         self._next = next(self._coming, self._end)
         return word
 
-    def accept(self, *texts: str) -> bool:
-        """Read the next word if it is one of some."""
-        found = self.at(*texts)
-        if found:
-            self.take()
-        return found
-
     def expect(self, text: str) -> None:
         """Read a word that has to stand here."""
         if not self.accept(text):

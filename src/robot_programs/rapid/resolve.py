@@ -143,6 +143,12 @@ def _sides(robot: Robot, q: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 3"
 
 TargetType = Literal["robtarget", "jointtarget"]
 
+
+def target_type(kind: MotionKind) -> TargetType:
+    """Type of what motions of a kind go to."""
+    return "jointtarget" if kind == "axes" else "robtarget"
+
+
 JOINTS = 6
 
 NO_AXES = (9e9,) * 6
@@ -312,6 +318,11 @@ class MotionForm:
     options: frozenset[str] = _EVERY
 
     @cached_property
+    def target(self) -> TargetType:
+        """Type of its targets."""
+        return target_type(self.kind)
+
+    @cached_property
     def counts(self) -> tuple[int, ...]:
         """Numbers of required arguments that it may have."""
         own = self.before + (self.kind == "circular") + 3 + self.has_zone
@@ -417,7 +428,7 @@ class MotionLine(Move):
     """Name of the one in which it stands."""
     scope: Scope
     """What names mean in it."""
-    compact: bool
+    compact: bool = False
     """It is all that an IF without THEN governs."""
     shared: bool = False
     """On what it depends beside its targets is said where another line says the same."""

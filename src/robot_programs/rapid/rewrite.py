@@ -42,6 +42,7 @@ from robot_programs.rapid.resolve import (
     Site,
     TargetArgument,
     TargetType,
+    target_type,
 )
 from robot_programs.rapid.syntax import RESERVED, Declaration, key_of, tokenize, words
 from robot_programs.rapid.values import (
@@ -208,7 +209,7 @@ class RapidProgram(SharingProgram):
         ends = dict[TargetArgument, Waypoint]()
         for number, (*_, last) in waypoints.items():
             site = self.sites[number]
-            ends |= {site.end: last} if _type(last.kind) == site.end.type else {}
+            ends |= {site.end: last} if target_type(last.kind) == site.end.type else {}
             ends |= {site.via: last.via} if site.via is not None and last.via is not None else {}
         wanted = new_numbers(ends, robot)
         for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
@@ -476,10 +477,6 @@ def _behind_header(routine: Procedure, text: str) -> int:
     return at if rest and not rest.startswith("!") else at + len(text[at:line_end].rstrip("\r"))
 
 
-def _type(kind: MotionKind) -> TargetType:
-    return "jointtarget" if kind == "axes" else "robtarget"
-
-
 def _name(move: Motion, line: MotionLine, kind: MotionKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
@@ -683,12 +680,12 @@ class RapidSpelling(Spelling[Numbers]):
             self._edit(file, where.via.start, where.to.start, "")
         elif kind == "circular":
             self._edit(file, where.to.start, where.to.start, f"{self._target(site, _via(waypoint))},")
-        if _type(kind) != site.end.type:
+        if target_type(kind) != site.end.type:
             self._edit(file, where.to.start, where.behind_to, self._target(site, waypoint))
 
     def _target(self, site: Site, waypoint: Waypoint) -> str:
         """An aggregate for a waypoint, with the external axes of a motion."""
-        like, type_ = site.end, _type(waypoint.kind)
+        like, type_ = site.end, target_type(waypoint.kind)
         if type_ == like.type:
             numbers = new_numbers({like: waypoint}, self.robot)[like]
         elif type_ == "jointtarget":

@@ -95,6 +95,28 @@ def test_arguments_stay_unless_the_routine_changes_them():
     assert any("'p2' is assigned to in part.mod:3" in text for text in reasons(program))
 
 
+# Targets from where the robot stood, which a function at run time leaves as they are.
+
+
+@pytest.mark.parametrize(
+    ("change", "routine"),
+    [
+        ("a:=CRobT();kept{2}:=a;b:=kept{k};", ""),
+        ("a:=CRobT();give a,b;", "PROC give(robtarget x,VAR robtarget y)\ny:=x;\nENDPROC"),
+        ("a:=CRobT();give a,b;", "PROC give(robtarget x,INOUT robtarget y)\ny:=raised(x);\nENDPROC\n{raised}"),
+        ("a:=CRobT();b:=raised(a);", "{raised}"),
+        ("a:=CRobT();put a;get b;", "PROC put(robtarget x)\nkept{k}:=x;\nENDPROC\nPROC get(VAR robtarget x)\nx:=kept{1};\nENDPROC"),
+    ],
+)  # fmt: skip
+def test_a_measured_target_stays_one_whatever_hands_it_on(change, routine):
+    raised = "FUNC robtarget raised(robtarget x)\nx.trans.z:=300;\nRETURN x;\nENDFUNC"
+    declared = "VAR num k;VAR robtarget a;VAR robtarget b;PERS robtarget kept{5};\n"
+    text = f"MODULE m\n{declared}PROC main()\n{change}\nMoveL b,v5,fine,tool0;\nENDPROC\n{routine}\nENDMODULE\n"
+    wrapped = read_rapid([source(text.replace("{raised}", raised))]).wrap("Corrected", None)
+    assert not wrapped.wrapped
+    assert "'b' comes from where the robot stood" in wrapped.left[0].text
+
+
 # Routines that are not in the files, calls by name, soft servos and shifted external axes.
 
 
