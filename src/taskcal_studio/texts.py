@@ -2,13 +2,14 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 from taskcal.report.chart import plain
-from taskcal_groundwork.said import Said
+from taskcal_groundwork.said import Said, term
 
 LANGUAGES = {"en": "English", "de": "Deutsch"}
 """By the code that browsers use."""
@@ -38,6 +39,29 @@ def sentences() -> Mapping[str, Mapping[str, str]]:
     return _content()["said"]
 
 
+NUMBER = r"[-+−]?\d[\d.]*(?:e[-+]?\d+)?%?"
+"""A number as the library writes it."""
+
+
+MIN_LETTERS = 8
+"""Of a sentence, beside its places, by which it is known again, unless all of these are numbers: 'of' is in many texts."""
+
+
+@cache
+def _forms() -> Sequence[tuple[re.Pattern[str], str]]:
+    """Sentences that have words as patterns, those with most of them first, and their templates."""
+    found: list[tuple[int, re.Pattern[str], str]] = []
+    for template in sentences():
+        parts = [(text, name, form) for text, name, form, _ in Formatter().parse(template)]
+        words, names = "".join(text for text, *_ in parts), [name for _, name, _ in parts if name]
+        sure = len(re.findall("[a-z]", words)) >= MIN_LETTERS or all(form for _, name, form in parts if name)
+        if sure and len(set(names)) == len(names):
+            places = (f"(?P<{name}>{NUMBER if form else '.+?'})" if name else "" for _, name, form in parts)
+            whole = "".join(re.escape(text) + place for (text, *_), place in zip(parts, places, strict=True))
+            found.append((len(words), re.compile(rf"{whole}\.?", re.IGNORECASE | re.DOTALL), template))
+    return [(pattern, template) for _, pattern, template in sorted(found, key=lambda one: -one[0])]
+
+
 class Texts:
     """The texts of one language."""
 
@@ -51,8 +75,7 @@ class Texts:
 
     def number(self, value: float, form: str) -> str:
         """A number by its format, with the comma of the language, and its space before a percent sign."""
-        said = plain(value, form)
-        return said.replace(".", ",").replace("%", "\N{NO-BREAK SPACE}%") if self.language == "de" else said
+        return _spoken(plain(value, form), self.language)
 
     def sentence(self, parts: Mapping[str, Any]) -> str:
         """A sentence that the library says, by its English template and values; in English where the catalogue lacks it.
@@ -69,7 +92,28 @@ class Texts:
             else value
             for name, value in parts["values"].items()
         }
+        if template not in sentences() and not values and self.language != LIBRARY_LANGUAGE:
+            return self.stored(template.format())
         return sentences().get(template, {}).get(self.language, template).format(**values)
+
+    def stored(self, text: str) -> str:
+        """A sentence of the library that a file or a command's output has without its values; as it is where none is known.
+
+        The template that it was made of is found by its words, and its values are what stands in the places.
+        """
+        for pattern, template in _forms():
+            if found := pattern.fullmatch(text):
+                plain_places = re.sub(r"\{(\w+):[^}]*\}", r"{\1}", sentences()[template][self.language])
+                said = plain_places.format(**{name: self._value(value) for name, value in found.groupdict().items()})
+                said = said[0].upper() + said[1:] if text[0].isupper() else said
+                return f"{said}." if text.endswith(".") and not said.endswith(".") else said
+        return text
+
+    def _value(self, text: str) -> str:
+        """What stands in a place: a number, a sentence of its own, or a name."""
+        if re.fullmatch(NUMBER, text):
+            return _spoken(text, self.language)
+        return self.sentence(term(text).parts)
 
     def said(self, text: str) -> str:
         """A text of the library in the page's language, where it knows its template and values; else as it is."""
@@ -79,6 +123,10 @@ class Texts:
         """The text of what the library names, such as a finding of the doctor; its own name where the catalogue has none."""
         key = f"{group}.{re.sub('[^a-z]+', '_', name)}"
         return self(key, **values) if key in catalogue() else name
+
+
+def _spoken(number: str, language: str) -> str:
+    return number.replace(".", ",").replace("%", "\N{NO-BREAK SPACE}%") if language == "de" else number
 
 
 class _Spoken(float):

@@ -12,6 +12,7 @@ from string import Formatter
 import numpy as np
 import pytest
 
+import taskcal
 import taskcal.live
 import taskcal_devices
 import taskcal_groundwork.options
@@ -21,20 +22,18 @@ from taskcal.correction.correction import REMEDIES
 from taskcal.correction.verdict import OWN_TOOL, RULE, Decision, Subject, Why
 from taskcal.diagnosis.diagnose import MISTAKES
 from taskcal.estimation.least_squares import Ended
-from taskcal.identification import measured_range
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.holdout import hold_out
 from taskcal.identification.identify import identify
 from taskcal.identification.options import Holdout
 from taskcal.identification.uncertainty_budget import REACHED, UNEXPLAINED
 from taskcal.live.stillness import MissedError
-from taskcal.observations import distance, instrument, landmark, pixels, point, socket
 from taskcal.observations.point import Tracker
 from taskcal.registration.registration import Method
 from taskcal.report import calibration as calibration_report
-from taskcal.report import camera, content, correction, plan, sensitivity, verdict
+from taskcal.report import camera, content, correction, plan, verdict
 from taskcal.report.calibration import calibration_sections, say_option
-from taskcal.report.content import Chart, Facts, Numbers, Points, Section, Table, Text
+from taskcal.report.content import Chart, Facts, Numbers, Points, Section, Table, Text, moment
 from taskcal.report.page import ReportHeader
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -73,8 +72,13 @@ UNITS = {"mm", "mrad", "px", "rms", "ppm", "deg"}
 SHOWN = tuple(str(module.__file__) for module in (verdict, calibration_report, camera, content, correction, plan))
 """Modules of sections that pages show."""
 OF_SHOWN = tuple(
-    str(module.__file__)
-    for module in (sensitivity, measured_range, distance, instrument, landmark, pixels, point, socket)
+    f"{Path(taskcal.__file__).parent}/{name}.py"
+    for name in (
+        *(f"correction/{part}" for part in ("cell", "controller", "correct", "frames", "verdict")),
+        *("identification/checks/checks", "identification/identify", "identification/measured_range"),
+        *(f"observations/{part}" for part in ("distance", "instrument", "landmark", "pixels", "point", "socket")),
+        "report/sensitivity",
+    )
 )
 """Modules that say something of these sections, among else."""
 OF_REPORTS_ALONE = {
@@ -94,7 +98,7 @@ OF_VERDICTS = {*Why.__args__, *Subject.__args__, *Decision.__args__, *REMEDIES, 
 
 
 OF_FITS = {
-    *(ended.value for ended in Ended if "{" not in ended.value),
+    *(ended.value for ended in Ended),
     *Method.__args__,
     *("max", "mean", "rms", "p95", "base", "tool", "pinhole", "fisheye"),
     *(UNEXPLAINED, REACHED, "parameters, tracker frame and target: posterior covariance"),
@@ -280,3 +284,26 @@ def test_a_finding_s_line_stands_beside_its_translation() -> None:
     finding = {"id": "joint-sign", "subject": ["J3"], "fix": "reverse the sign of J3"}
     assert mend(finding, Texts("en")) == "reverse the sign of J3"
     assert mend(finding, Texts("de")) == "Das Vorzeichen von J3 umkehren (reverse the sign of J3)"
+
+
+def test_a_sentence_that_was_stored_is_said_in_the_page_s_language() -> None:
+    """Of a file or a command's output, whose texts have no values any more: they are found by the words of the template."""
+    texts, prior = Texts("de"), "Model error and prior scale had not settled when the search for them ended."
+    assert texts.said(term(prior)).startswith(
+        "Modellfehler und Skala des Vorwissens standen noch nicht fest, als die Suche"
+    )
+    assert Texts("en").said(term(prior)) == prior
+    length = (
+        "robot file in doubt: J2.tx is +1.25 mm (u 0.10 mm; these poses do not tell it from J3.tx), where the tolerance is 0.3 mm: "
+        "compare this length of the robot file with the maker's, correct it and identify again. The controller computes with its "
+        "own lengths, and a program that is corrected by wrong ones gets worse"
+    )
+    said = texts.said(term(length))
+    for part in (
+        "Roboterdatei in Zweifel: J2.tx ist +1,25 mm (u 0,10 mm; diese",
+        "von J3.tx)",
+        "von 0,3 mm: Vergleichen",
+    ):
+        assert part in said
+    assert texts.said(term("a sentence of tomorrow, 3.5 mm")) == "a sentence of tomorrow, 3.5 mm"
+    assert texts.said(moment("2026-11-30T13:34:53+00:00")) == "30.11.2026, 13:34 UTC"

@@ -19,6 +19,7 @@ from taskcal.io.codec import InFile, describe, read_brief
 from taskcal.io.files import write_whole
 from taskcal.io.toml_file import NotNegative
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 P = TypeVar("P", bound=Program)
 
@@ -513,11 +514,16 @@ def base_statement(program: Program, cell: Cell) -> str:
     """Assumed place of the robot in words; empty where none is stated and the program is not counted in the world."""
     base_file = _base_file(program)
     if program.T_world_base is not None:
-        return f"the robot stands at {_at(program.T_world_base)} in the world, by {program.base_from}"
+        return Said(
+            "the robot stands at {place} in the world, by {source}",
+            place=_at(program.T_world_base),
+            source=str(program.base_from),
+        )
     if cell.T_world_base is not None:
-        return f"the robot stands at {_at(cell.T_world_base)} in the world, as the cell file says"
-    return base_file and (
-        f"the robot's base is taken to be the world's frame, as neither {base_file} nor [robot] base of a cell file is given"
+        return Said("the robot stands at {place} in the world, as the cell file says", place=_at(cell.T_world_base))
+    return base_file and Said(
+        "the robot's base is taken to be the world's frame, as neither {file} nor [robot] base of a cell file is given",
+        file=base_file,
     )
 
 

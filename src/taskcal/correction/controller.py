@@ -24,6 +24,7 @@ from taskcal.robot.importers.ur import arm_rows
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import robot_from
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 P = TypeVar("P", bound=Program)
 
@@ -139,16 +140,23 @@ def state_controller(robot: Robot, cell: Cell, controller: Robot | None) -> str:
     """For which controller a correction is, and whether that is stated; arguments as of `check_controller`."""
     if controller is not None:
         apart = kinematics_apart(robot, controller) * 1e3
-        return (
-            f"a controller that computes with kinematics of its own ({controller.description['source'][0]}), up to {apart:.2f} mm "
-            f"from those of {robot.name} in the calibration"
+        return Said(
+            "a controller that computes with kinematics of its own ({source}), up to {apart:.2f} mm from those of {robot} in the "
+            "calibration",
+            source=str(controller.description["source"][0]),
+            apart=float(apart),
+            robot=robot.name,
         )
-    nominal = f"a controller that computes with the nominal lengths of {robot.name}, as its robot file has them"
+    nominal = Said(
+        "a controller that computes with the nominal lengths of {robot}, as its robot file has them", robot=robot.name
+    )
     if cell.controller:
-        return f"{nominal}, which is stated"
-    return (
-        f'{nominal}, which is assumed: state [robot] controller = "nominal" in the cell file, or "calibrated" if a factory '
-        f"calibration is switched on ({ABSOLUTE})"
+        return Said("{nominal}, which is stated", nominal=nominal)
+    return Said(
+        '{nominal}, which is assumed: state [robot] controller = "nominal" in the cell file, or "calibrated" if a factory '
+        "calibration is switched on ({absolute})",
+        nominal=nominal,
+        absolute=ABSOLUTE,
     )
 
 

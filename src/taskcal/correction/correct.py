@@ -50,6 +50,7 @@ from taskcal.kinematics.inverse import closes, conditioning
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said
 
 # How far a correction moves the targets of a program.
 
@@ -823,7 +824,11 @@ def _posture_statement(robot: Robot, motions: Sequence[Motion], trajectory: Cont
         if chosen[i] and move.end.q is None and move.end.posture is None:
             scale = np.where(robot.prismatic, 1e3, 180.0 / np.pi)
             joints = ", ".join(f"{value:.1f}" for value in trajectory.end[i] * scale)
-            return f"the posture of joints [{joints}] in {move.place}, which the path does not state"
+            return Said(
+                "the posture of joints [{joints}] in {place}, which the path does not state",
+                joints=joints,
+                place=str(move.place),
+            )
     return ""
 
 

@@ -24,6 +24,7 @@ from taskcal.identification.problem import Rows
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said
 
 # Rigid motions nearest to how points move.
 
@@ -109,22 +110,27 @@ def grasped_frame(calibration: Calibration, measured: Measured, controller: Floa
             )
         return GraspedFrame(
             T_tool_grasped=calibration.T_tool_target[0] @ measured.in_target,
-            statement=f"tool '{name}' by the measured poses of '{calibration.targets[0]}'",
+            statement=Said(
+                "tool '{name}' by the measured poses of '{target}'", name=name, target=calibration.targets[0]
+            ),
             twists=lambda q, conditions: _target_twists(calibration, measured, q, conditions),
             covariance=measured.uncertainty**2 * np.eye(3),
         )
     if measured.in_flange is None and np.abs(controller - robot.T_flange_tool).max() < MAX_TOOL_DIFFERENCE:
         return GraspedFrame(
             T_tool_grasped=np.eye(4),
-            statement=f"tool '{name}' is the robot file's, its errors as calibrated",
+            statement=Said("tool '{name}' is the robot file's, its errors as calibrated", name=name),
             twists=calibration.tool_jacobian,
         )
     in_flange = controller if measured.in_flange is None else measured.in_flange
-    stated = "as the controller has it" if measured.in_flange is None else "as measured in the flange"
+    by_controller, in_its_flange = (
+        Said("tool '{name}' as the controller has it", name=name),
+        Said("tool '{name}' as measured in the flange", name=name),
+    )
     T_tool_grasped = _flange_in_tool(calibration) @ in_flange
     return GraspedFrame(
         T_tool_grasped=T_tool_grasped,
-        statement=f"tool '{name}' {stated}",
+        statement=by_controller if measured.in_flange is None else in_its_flange,
         twists=lambda q, conditions: _flange_twists(calibration, T_tool_grasped, q, conditions),
         covariance=measured.uncertainty**2 * np.eye(3),
     )
@@ -158,7 +164,7 @@ def _by_reflectors(calibration: Calibration, measured: Measured) -> GraspedFrame
         )
     return GraspedFrame(
         T_tool_grasped=T,
-        statement=f"tool '{measured.name}' by its reflectors {', '.join(seen)}",
+        statement=Said("tool '{name}' by its reflectors {seen}", name=measured.name, seen=", ".join(seen)),
         twists=lambda q, conditions: _reflector_twists(calibration, rows, T, q, conditions),
         covariance=_fitted_covariance(own, measured.uncertainty),
     )
@@ -212,7 +218,12 @@ def _by_tip(
     touch = max(scatter, measured.uncertainty**2 + float(_total(errors).mean()) / 3.0)
     return GraspedFrame(
         T_tool_grasped=T_tool_tip,
-        statement=f"tool '{name}' by {len(q)} touches of one point, {shift * 1e3:.2f} mm from where the controller has it",
+        statement=Said(
+            "tool '{name}' by {count} touches of one point, {shift:.2f} mm from where the controller has it",
+            name=name,
+            count=len(q),
+            shift=float(shift) * 1e3,
+        ),
         twists=twists,
         covariance=touch * np.linalg.inv(stacked.T @ stacked),
     )
@@ -327,14 +338,16 @@ def fixed_frame(
     if measured.in_tracker is not None:
         return FixedFrame(
             T_base_fixed=se3.inverse(calibration.T_tracker_base) @ measured.in_tracker,
-            statement=f"part '{measured.name}' as the tracker measured it",
+            statement=Said("part '{name}' as the tracker measured it", name=measured.name),
             covariance=np.diag([measured.uncertainty**2] * 3 + [0.0] * 3),
         )
     if measured.touched is not None:
         return _touched(calibration, measured, measured.touched, controller, cell, robot)
     return FixedFrame(
         T_base_fixed=controller,
-        statement=f"part '{measured.name}' where the controller has it in the robot's base, as calibrated",
+        statement=Said(
+            "part '{name}' where the controller has it in the robot's base, as calibrated", name=measured.name
+        ),
         follows_base=True,
     )
 
@@ -362,7 +375,11 @@ def _touched(
     errors = _errors_at(calibration, q, in_tracker, conditions)
     return FixedFrame(
         T_base_fixed=M @ controller,
-        statement=f"part '{measured.name}' where the robot touched it with '{measured.touched_with}'",
+        statement=Said(
+            "part '{name}' where the robot touched it with '{tool}'",
+            name=measured.name,
+            tool=str(measured.touched_with),
+        ),
         twist=_fitted_twist(points, tool.twists(q, conditions)[:, :3]),
         warmth=_fitted_twist(points, errors.warmth[:, 0]),
         covariance=_touch_covariance(measured, in_tracker, errors.single[:, 0], tool.covariance),

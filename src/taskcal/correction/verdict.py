@@ -34,6 +34,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.problem import Rows
 from taskcal.robot.conditions import Conditions, conditions_in_order
 from taskcal.task.task import Task, reach_task
+from taskcal_groundwork.said import Said
 
 Subject = Literal["measured target", "tool point", "program on the part"]
 Decision = Literal["met", "not met", "not known"]
@@ -327,7 +328,9 @@ def _unmeasured(motions: Sequence[Motion], cell: Cell, *, held: bool) -> Iterato
             frames[frame][f"'{measured.name}'"] = None
     for frame, names in frames.items():
         if names:
-            yield _of_nothing(frame, f"{shortened(', '.join(names), MAX_FILES)} as the controller has it")
+            yield _of_nothing(
+                frame, Said("{names} as the controller has it", names=shortened(", ".join(names), MAX_FILES))
+            )
             return
 
 

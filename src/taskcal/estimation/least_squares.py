@@ -28,8 +28,8 @@ class Ended(Enum):
     NOTHING_TO_ESTIMATE = "nothing was to be estimated"
     CONVERGED = "the estimate stands still"
     CANNOT_FALL = "the fit cannot get better"
-    HARDLY_FALLS = "the fit got better by less than {0.decrease:g} of itself"
-    TOO_MANY_ITERATIONS = "no convergence in {0.iterations} iterations"
+    HARDLY_FALLS = "the fit got better by less than {decrease:g} of itself"
+    TOO_MANY_ITERATIONS = "no convergence in {iterations} iterations"
     NO_STEP_FALLS = "no step makes the fit better"
 
     @property
@@ -39,7 +39,7 @@ class Ended(Enum):
 
     def text(self, stopping: Stopping) -> str:
         """In words, with the bounds that the fit had."""
-        return self.value.format(stopping)
+        return self.value.format(**vars(stopping))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

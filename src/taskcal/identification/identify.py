@@ -44,6 +44,7 @@ from taskcal.registration.registration import (
 )
 from taskcal.registration.rotations import fit_rotations, refuse_wrong_rotations
 from taskcal.robot.error_model import ErrorModel
+from taskcal_groundwork.said import Said
 
 # Rows that cannot be right beside all others: found before the fit, left out, and said.
 #
@@ -239,9 +240,12 @@ def _said(left_out: tuple[LeftOut, ...], turned_deg: Float[np.ndarray, " k"], na
         for name, row, turn in zip(names, left_out, turned_deg, strict=True)
     )
     named = listed(every, MAX_NAMED_ROWS, "; ")
-    return (
-        f"{len(left_out)} of {seen} rows cannot be right beside all others and were left out: {named}. Measure them again; "
-        "or, if they are right, more like them, and fit all rows with gross_errors='keep' (--gross-errors keep)"
+    return Said(
+        "{count} of {seen} rows cannot be right beside all others and were left out: {named}. Measure them again; or, if they are "
+        "right, more like them, and fit all rows with gross_errors='keep' (--gross-errors keep)",
+        count=len(left_out),
+        seen=seen,
+        named=named,
     )
 
 
@@ -421,7 +425,7 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
         except FitError:
             raise refusal from None
         what = str(refusal).partition(". ")[0] if isinstance(refusal, NothingLearntError) else str(refusal)
-        remark = f"{what}. Only tracker frame and targets were fitted: the robot stays nominal"
+        remark = Said("{what}. Only tracker frame and targets were fitted: the robot stays nominal", what=what)
         calibration = replace(frames.calibration, remarks=(*frames.calibration.remarks, remark))
         return replace(frames, calibration=calibration, refusal=refusal)
 
@@ -634,25 +638,37 @@ def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign) -> tuple[str, ..
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)
     if not any(kind.tells_scale for kind in campaign.observations):
-        held = " within its tolerances as they are stated" if scale_is_unobservable(campaign) else ""
+        alone = Said("its nominal lengths alone")
+        if scale_is_unobservable(campaign):
+            alone = Said("its nominal lengths alone within its tolerances as they are stated")
         out.append(
-            f"no length that is known was measured or stated: how large the robot is comes from its nominal lengths alone{held}; "
-            "state a distance of two sockets (--distances), trust the wire's scale, or touch opposite faces of a cube"
+            Said(
+                "no length that is known was measured or stated: how large the robot is comes from {alone}; state a distance of "
+                "two sockets (--distances), trust the wire's scale, or touch opposite faces of a cube",
+                alone=alone,
+            )
         )
     measured = fit.problem.measured_numbers
     if measured < 2 * unknowns:
         out.append(
-            f"{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little, those of held-out rows "
-            "more"
+            Said(
+                "{measured} measured numbers for {unknowns} unknowns: residuals of the fitted rows say little, those of "
+                "held-out rows more",
+                measured=measured,
+                unknowns=unknowns,
+            )
         )
     if fit.rounds > MAX_ROUNDS:
-        out.append("model error and prior scale had not settled when the search for them ended")
+        out.append(Said("model error and prior scale had not settled when the search for them ended"))
     if outcome.hyper.variances[0] == 0.0 and measured < 2 * unknowns:
-        out.append("no model error could be told from so few rows, so the stated uncertainty leaves it out")
+        out.append(Said("no model error could be told from so few rows, so the stated uncertainty leaves it out"))
     if outcome.hyper.variances[0] > fit.hyper.variances[0] == 0.0 and len(fit.prior.sizes) == len(layout.estimated):
         out.append(
-            f"no model error could be told from so few rows, so the stated uncertainty takes {TYPICAL * 1e3:.2g} mm per axis, as "
-            "of any robot"
+            Said(
+                "no model error could be told from so few rows, so the stated uncertainty takes {typical:.2g} mm per axis, as of "
+                "any robot",
+                typical=TYPICAL * 1e3,
+            )
         )
     errors = np.sqrt(np.diag(outcome.covariance))
     estimates = {layout.names[i]: (float(outcome.z[i]), float(errors[i])) for i in outcome.estimated}

@@ -54,6 +54,7 @@ from taskcal.report.content import (
     describe_effective,
     millimetres,
     model_error_origin,
+    moment,
     prior_scale_origin,
     signed,
 )
@@ -613,7 +614,7 @@ def provenance_section(calibration: Calibration) -> Section:
         *((Said("campaign, as read"), note) for note in source.notes),
         (Said("rows"), str(source.rows)),
         (Said("registration"), Said("from {found}", found=joined(", ", found))),
-        (Said("made"), source.created),
+        (Said("made"), moment(source.created)),
         (Said("by Taskcal"), source.version),
         *((str(key), say_option(value)) for key, value in source.options.items()),
         (Said("ended"), state_end(calibration.reason, calibration.iterations, calibration.rounds)),
@@ -1299,7 +1300,7 @@ def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tu
 def _remarks(calibration: Calibration) -> tuple[str, ...]:
     """Statements that need attention."""
     outliers, rejected = len(calibration.outliers), len(calibration.left_out)
-    told = [f"{remark[0].upper()}{remark[1:].rstrip('.')}." for remark in calibration.remarks]
+    told = [term(f"{remark[0].upper()}{remark[1:].rstrip('.')}.") for remark in calibration.remarks]
     if rejected == 1:
         told.append(Said("1 row rejected as gross errors: see Outliers."))
     elif rejected:

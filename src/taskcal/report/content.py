@@ -1,6 +1,7 @@
 """Content of a report: sections of short texts, tables, figures and commands."""
 
 import math
+import re
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -442,6 +443,16 @@ def decimals_of(uncertainty: float) -> int:
     if not 0.0 < uncertainty < math.inf:
         return 4
     return min(max(DIGITS - 1 - math.floor(math.log10(uncertainty)), 0), 9)
+
+
+def moment(written: str) -> str:
+    """A time of ISO 8601 as a page's language has it, to the minute; any other text as it is."""
+    found = re.match(r"(\d{4})-(\d\d)-(\d\d)T(\d\d:\d\d)(?::[\d.]+)?(Z|[+-]\d\d:\d\d)?$", written)
+    if found is None:
+        return written
+    year, month, day, time, zone = found.groups("")
+    zone = " UTC" if zone in ("Z", "+00:00") else f" {zone}" if zone else ""
+    return Said("{year}-{month}-{day} {time}{zone}", year=year, month=month, day=day, time=time, zone=zone)
 
 
 class WithMinus(float):

@@ -265,7 +265,9 @@ def tabulate_correction(summary: Mapping[str, Any], robot: Robot) -> list[tuple[
     )
     if summary["at_run_time"]:
         motions = Said("{motions}; {count} more corrected at run time", motions=motions, count=summary["at_run_time"])
-    facts: list[tuple[str, str]] = [(Said("relative to"), statement) for statement in summary["relative_to"]]
+    facts: list[tuple[str, str]] = [
+        (Said("relative to"), joined("; ", map(term, statement.split("; ")))) for statement in summary["relative_to"]
+    ]
     facts += [
         (Said("motions"), motions),
         (
@@ -347,10 +349,11 @@ def group_remarks(remarks: Iterable[tuple[Place, str]]) -> list[str]:
 def _line(group: list[tuple[Place, str]]) -> str:
     (first, text), *_ = group
     _, *others = dict.fromkeys(place for place, _ in group)
+    said = {"place": str(first), "text": term(text), "count": len(group)}
     if len(group) == 1:
-        return f"{first}: {text}"
+        return Said("{place}: {text}", **said)
     if not others:
-        return Said("{place}: {text} ({count} times)", place=str(first), text=text, count=len(group))
+        return Said("{place}: {text} ({count} times)", **said)
     among = _common_folder(place.path for place, _ in group)
     places = [
         f"{place.line}" if place.path == first.path else f"{_from(among, place.path)}:{place.line}" for place in others
@@ -358,8 +361,7 @@ def _line(group: list[tuple[Place, str]]) -> str:
     where = Said("line {at}", at=listed(places, MAX_PLACES))
     if others[0].path != first.path:
         where = Said("file {at}", at=listed(places, MAX_PLACES))
-    said = {"place": str(first), "text": text, "count": len(group), "where": where}
-    return Said("{place}: {text} ({count} times; also in {where})", **said)
+    return Said("{place}: {text} ({count} times; also in {where})", **said, where=where)
 
 
 def _common_folder(paths: Iterable[Path]) -> Path | None:
@@ -394,7 +396,7 @@ def correction_page(correction: Correction, calibration: Calibration, sections: 
 
 def doubts_section(told: Mapping[str, Any]) -> list[Section]:
     """Make the section of what is in doubt, if anything is."""
-    points = Points(*(Said("Warning: {doubt}.", doubt=doubt) for doubt in told["doubts"]))
+    points = Points(*(Said("Warning: {doubt}.", doubt=term(doubt)) for doubt in told["doubts"]))
     return [Section(Said("Warning"), points)] if told["doubts"] else []
 
 

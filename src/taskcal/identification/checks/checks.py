@@ -11,7 +11,7 @@ import numpy as np
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import TaskcalError
-from taskcal.identification.calibration import COURSE_IN_DOUBT, FILE_IN_DOUBT, SCALE_IN_DOUBT, Calibration
+from taskcal.identification.calibration import Calibration
 from taskcal.identification.checks.course import describe_event, find_in_course
 from taskcal.identification.checks.digits import few_digits_of
 from taskcal.identification.options import FitOptions
@@ -22,6 +22,7 @@ from taskcal.registration.plausibility import is_in_base
 from taskcal.registration.registration import nominal_poses, register
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import EXACT, ErrorModel
+from taskcal_groundwork.said import Said
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,15 +65,17 @@ WIDE_SCALE = 5.0
 """Prior scale beyond which a look at the robot file is advised. A convention: five times the tolerances on average are no
 scatter of one robot."""
 
-DOCTOR = "'taskcal doctor' (in Python: diagnose) tries what is usually wrong, and says which"
+DOCTOR = Said("'taskcal doctor' (in Python: diagnose) tries what is usually wrong, and says which")
 
 
 def _far_from_tolerances(fit: Checked) -> Iterator[str]:
     scale = fit.calibration.prior_scale
     if scale is not None and len(fit.calibration.estimated) and scale > WIDE_SCALE:
-        yield (
-            f"the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero "
-            f"positions and the lengths in the robot file ({DOCTOR}), or state wider tolerances"
+        yield Said(
+            "the robot deviates {scale:.0f} times as much as its tolerances say: check the joints' order, signs and zero positions "
+            "and the lengths in the robot file ({doctor}), or state wider tolerances",
+            scale=scale,
+            doctor=DOCTOR,
         )
 
 
@@ -88,10 +91,13 @@ def _unexplained(fit: Checked) -> Iterator[str]:
         return
     expected = error_by_tolerances(fit.calibration)
     if error > UNEXPLAINED_SHARE * expected:
-        yield (
-            f"geometry leaves {error * 1e3:.2f} mm per axis (1σ) that no parameter explains, more than the {expected * 1e3:.2f} mm "
-            "in space that all tolerances together let expect: a joint that turns the other way, or is coupled to another, leaves "
-            f"as much ({DOCTOR})"
+        yield Said(
+            "geometry leaves {error:.2f} mm per axis (1σ) that no parameter explains, more than the {expected:.2f} mm in space "
+            "that all tolerances together let expect: a joint that turns the other way, or is coupled to another, leaves as much "
+            "({doctor})",
+            error=error * 1e3,
+            expected=expected * 1e3,
+            doctor=DOCTOR,
         )
 
 
@@ -171,11 +177,17 @@ def _off_lengths(fit: Checked) -> list[_OffLength]:
 def _wrong_length(fit: Checked) -> Iterator[str]:
     whole = _is_whole(fit) and len(fit.calibration.estimated)
     for length in _off_lengths(fit)[:1] if whole else ():
-        untold = f"; these poses do not tell it from {', '.join(length.others)}" if length.others else ""
-        yield (
-            f"{length.name} is {length.off * 1e3:+.2f} mm (u {length.u * 1e3:.2f} mm{untold}), where the tolerance is "
-            f"{length.tolerance * 1e3:g} mm: compare this length of the robot file with the maker's, correct it and identify "
-            "again. The controller computes with its own lengths, and a program that is corrected by wrong ones gets worse"
+        u = Said("u {size:.2f} mm", size=length.u * 1e3)
+        if length.others:
+            u = Said("{u}; these poses do not tell it from {others}", u=u, others=", ".join(length.others))
+        yield Said(
+            "{name} is {off:+.2f} mm ({u}), where the tolerance is {tolerance:g} mm: compare this length of the robot file with "
+            "the maker's, correct it and identify again. The controller computes with its own lengths, and a program that is "
+            "corrected by wrong ones gets worse",
+            name=length.name,
+            off=length.off * 1e3,
+            u=u,
+            tolerance=length.tolerance * 1e3,
         )
 
 
@@ -208,15 +220,21 @@ def _better_variant(fit: Checked) -> Iterator[str]:
     before, found = residual(own), [(residual(model), model.robot.name) for model in alike]
     least, name = min(found, default=(np.inf, ""))
     if least < BETTER_SHARE * before < np.inf:
-        yield (
-            f"{name} of the catalogue fits better as it is, to {least * 1e3:.2f} mm rms in place of {before * 1e3:.2f} mm: if that "
-            f"is the robot, identify with --robot {name}"
+        yield Said(
+            "{name} of the catalogue fits better as it is, to {least:.2f} mm rms in place of {before:.2f} mm: if that is the "
+            "robot, identify with --robot {again}",
+            name=name,
+            again=name,
+            least=least * 1e3,
+            before=before * 1e3,
         )
 
 
 def _doubts(fit: Checked) -> Iterator[str]:
     said = [words for check in (_far_from_tolerances, _unexplained, _wrong_length) for words in check(fit)]
-    yield from (f"{FILE_IN_DOUBT}{words}" for words in [*said, *(_better_variant(fit) if said else ())])
+    yield from (
+        Said("robot file in doubt: {words}", words=words) for words in [*said, *(_better_variant(fit) if said else ())]
+    )
 
 
 # Whether the points were measured at all.
@@ -244,22 +262,24 @@ def _calculated(fit: Checked) -> Iterator[str]:
     if not fit.campaign.tracked:
         return
     if is_calculated(calibration):
-        yield (
-            f"the nominal robot fits the points in a frame that is its own base, but for {rms * 1e3:.2g} mm rms of scatter: so do "
+        yield Said(
+            "the nominal robot fits the points in a frame that is its own base, but for {rms:.2g} mm rms of scatter: so do "
             "positions that a controller or a simulation calculates, and no robot is so near to its drawing; give those of an "
-            "instrument"
+            "instrument",
+            rms=rms * 1e3,
         )
     elif rms < CALCULATED and is_in_base(calibration.layout.registration):
-        yield (
-            f"the points fit to {rms * 1e3:.1g} mm rms in a frame that is the robot's own base: so do positions that a "
-            "controller or a simulation calculates, and measured ones do not"
+        yield Said(
+            "the points fit to {rms:.1g} mm rms in a frame that is the robot's own base: so do positions that a controller or a "
+            "simulation calculates, and measured ones do not",
+            rms=rms * 1e3,
         )
 
 
 def _other_scale(fit: Checked) -> Iterator[str]:
     scale = find_length_scale(fit.calibration.model, fit.campaign)
     if scale is not None and scale.named:
-        yield f"{SCALE_IN_DOUBT}{scale.said()}"
+        yield Said("scale in doubt: {said}", said=scale.said())
 
 
 def _other_board(fit: Checked) -> Iterator[str]:
@@ -280,7 +300,8 @@ def _other_board(fit: Checked) -> Iterator[str]:
             one = replace(campaign.of_targets(campaign.targets[:1]), observations=(), uncertainty=None)
             scale, name = find_length_scale(model, pair.in_rows_of(one, kind)), kind.boards[pair.board]
             if scale is not None and scale.differs(kind.u_scale[pair.board]):
-                yield f"{SCALE_IN_DOUBT}{board_said('the board' if name == 'board' else f'board {name}', scale.value)}"
+                board = "the board" if name == "board" else f"board {name}"
+                yield Said("scale in doubt: {said}", said=board_said(board, scale.value))
 
 
 def _wrong_rotations(fit: Checked) -> Iterator[str]:
@@ -294,9 +315,11 @@ def _wrong_rotations(fit: Checked) -> Iterator[str]:
     expected = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean() + 3.0 * noise.rotation**2))
     left = float(np.sqrt(np.nanmean(np.sum(calibration.residuals[..., 3:] ** 2, axis=-1))))
     if left > NAMED_SIGMAS * expected:
-        yield (
-            f"rotations are {left * 1e3:.2g} mrad rms off the fit, where the robot's tolerances let {expected * 1e3:.2g} mrad "
-            "expect: look whether they belong to these rows ('taskcal doctor'; in Python: diagnose), or leave their columns out"
+        yield Said(
+            "rotations are {left:.2g} mrad rms off the fit, where the robot's tolerances let {expected:.2g} mrad expect: look "
+            "whether they belong to these rows ('taskcal doctor'; in Python: diagnose), or leave their columns out",
+            left=left * 1e3,
+            expected=expected * 1e3,
         )
 
 
@@ -304,9 +327,10 @@ def _in_course(fit: Checked) -> Iterator[str]:
     event = find_in_course(fit.calibration, fit.campaign, fit.options.noise)
     if event is not None:
         said = describe_event(event, fit.campaign, fit.calibration.model.robot)
-        yield (
-            f"{COURSE_IN_DOUBT}{said}. Rows that are held out went through the same, so that their error and coverage flatter the "
-            "fit"
+        yield Said(
+            "course in doubt: {said}. Rows that are held out went through the same, so that their error and coverage flatter the "
+            "fit",
+            said=said,
         )
 
 
