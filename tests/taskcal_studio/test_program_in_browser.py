@@ -61,6 +61,8 @@ def test_program_is_corrected_in_browser_as_on_command_line(chromium: Any, tmp_p
         page.get_by_role("heading", name="Changes in Milling.mod").wait_for(timeout=300_000)
         tab.ready()
         tab.picture("program")
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
         page = tab.open("report")
         page.get_by_role("button", name="Make the report", exact=True).click()
         page.get_by_role("link", name="c.html", exact=True).wait_for(timeout=300_000)

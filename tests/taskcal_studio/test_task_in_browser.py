@@ -78,12 +78,13 @@ def test_a_task_is_moved_weighed_and_planned(chromium: Any, tmp_path: Path) -> N
             *("--station", "stations/station.toml", "--output", "p.csv"),
         )
         assert f"{said['expected_error_mm']:.4f} mm" in page.inner_text("main")
-        assert f"{said['random_expected_error_mm']:.4f} mm" in page.inner_text("main")
+        expected = page.locator("table", has_text="Expected 3D rms error over task")
+        assert f"{said['random_expected_error_mm']:.3f}" in expected.inner_text()
         assert page.locator("figure .chart svg").count() > 0
         page.get_by_role("button", name="Play").click()
         gap = said["clearance_mm"]["between_links"][1]
         assert said["visible"][1] == ["smr1"]
-        page.get_by_text(f"id 1, of 40. Between links, mm: {gap:.0f}. Visible: smr1").wait_for()
+        page.get_by_text(f"id 1, of 40. visible: smr1. between links mm: {gap:.0f}").wait_for()
         assert (tmp_path / "p.csv").read_text() == planned
         assert serious(page) == []
         tab.picture("plan")
