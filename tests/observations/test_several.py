@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from taskcal.errors import CampaignError
-from taskcal.export.camera import place_of
+from taskcal.export.camera import Pictured
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.identification.identify import identify
@@ -31,8 +31,9 @@ def apart(T: np.ndarray, true: np.ndarray) -> np.ndarray:
 def far_off(rig: Rig, calibration: Calibration) -> dict[str, float]:
     """Squared error of the place of each camera and board over its stated covariance, of six numbers."""
     out: dict[str, float] = {}
-    for name in calibration.layout.kinds[0].bodies:
-        T, C = place_of(calibration, 0, name)
+    pictured = Pictured.of(calibration)
+    for name in pictured.kind.bodies:
+        T, C = pictured.place(name)
         off = apart(T, rig.bodies[name])
         out[name] = float(off @ np.linalg.solve(C, off))
     return out

@@ -6,6 +6,8 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
+from taskcal.observations import kinds
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = [*sorted(path for path in (ROOT / "src").iterdir() if path.is_dir()), ROOT / "examples" / "taskcal_demo"]
 MODULES = {
@@ -155,3 +157,17 @@ def test_planning_has_no_rows_of_its_own():
             text = path.read_text(encoding="utf-8")
             assert not re.findall(r"\.(?:differentiate|covariances)\(", text), name
     assert "problem_of(" in MODULES["taskcal.planning.experiment"].read_text(encoding="utf-8")
+
+
+def test_kinds_are_asked_not_told_apart_outside_observations():
+    """What differs from kind to kind is a question that a kind answers: another package's kind is served as the project's own."""
+    told, kind = list[str](), re.compile(rf"\b({'|'.join(one.__name__ for one in kinds())})\b")
+    for name, path in MODULES.items():
+        if name.startswith("taskcal") and not name.startswith("taskcal.observations."):
+            for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                match call:
+                    case ast.Call(func=ast.Name(id="isinstance"), args=[_, asked]):
+                        told += [f"{name}:{call.lineno}"] if kind.search(ast.unparse(asked)) else []
+                    case _:
+                        pass
+    assert not told, "\n".join(told)

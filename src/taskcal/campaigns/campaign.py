@@ -128,7 +128,8 @@ class Campaign:
         )
         if len(self.observations) != targets:
             raise CampaignError(
-                f"{len(self.observations)} observations do not belong to {targets} targets; give one for each"
+                f"{len(self.observations)} observations do not belong to {targets} targets; give one for each, or none where a "
+                "tracker measured"
             )
         if len(set(self.ids)) < n:
             name = repeated(self.ids)[0]

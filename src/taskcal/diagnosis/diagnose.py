@@ -17,7 +17,6 @@ from taskcal.diagnosis.images import (
     NOT_TOLD_BESIDE_FOCUS,
     NOT_TOLD_OF_IMAGES,
     SeenPoses,
-    pictures_of,
 )
 from taskcal.diagnosis.mistakes import (
     MAX_SCATTER_RATIO,
@@ -55,6 +54,7 @@ from taskcal.estimation.matrices import single_threaded
 from taskcal.estimation.ordered_rows import MIN_FACTOR
 from taskcal.identification.checks.checks import IN_BASE_SHARE, is_calculated
 from taskcal.identification.identify import identify
+from taskcal.observations import pictures_of
 from taskcal.registration.length_scale import find_length_scale
 from taskcal.registration.plausibility import is_in_base, refuse_calculated
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register_observations
@@ -252,7 +252,7 @@ def scope_of(campaign: Campaign) -> str:
     kinds = dict.fromkeys(one.key for one in campaign.observations if not one.in_tracker)
     if not kinds:
         return ""
-    if (kind := pictures_of(campaign)) is not None:
+    if (kind := pictures_of(campaign.observations)) is not None:
         pairs, counts = np.unique(kind.sightings[1:3], axis=1, return_counts=True)
         camera, board = pairs[:, np.argmax(counts)]
         one = "the board" if len(kind.boards) == 1 else f"board {kind.boards[board]}"
@@ -441,7 +441,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
             findings=(lacking,), robot=robot, campaign=campaign, unmended=(lacking.id,), scope=scope_of(campaign)
         )
     if scope := scope_of(campaign):
-        pictured = pictures_of(campaign) is not None
+        pictured = pictures_of(campaign.observations) is not None
         return _diagnose_pictured(case, progress) if pictured else _diagnose_observed(case, scope, progress)
     if (calculated := _calculated(case)) is not None:
         return Diagnosis(findings=(calculated,), robot=robot, campaign=campaign, unmended=(calculated.id,))

@@ -11,7 +11,7 @@ import numpy as np
 from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.fits import fit_linearly
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
-from taskcal.observations import Pixels
+from taskcal.observations import Pixels, pictures_of
 from taskcal.observations.camera import Pictures
 from taskcal.reading.pictures import FEWEST_SHIFTED, LOCK, BoardPoses, find_move, focus_drift, is_of_other_size
 from taskcal.registration.length_scale import board_said, find_length_scale
@@ -31,11 +31,6 @@ MIN_DEPTH_SHARE, DEPTH_SIGMAS, MIN_DEPTH_RATIO = 2e-3, 4.0, 2.0
 of sight, from which on the focus is doubted. Of simulated robots 0.02 % is left, with focal lengths that scatter by 1 % 0.4 %."""
 
 
-def pictures_of(campaign: Campaign) -> Pixels | None:
-    """What its images show; None of a campaign without images."""
-    return next((one for one in campaign.observations if isinstance(one, Pixels) and one.pictures is not None), None)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SeenPoses:
     """Poses of one board in images, as a tracker would have measured them."""
@@ -50,7 +45,7 @@ class SeenPoses:
     @classmethod
     def of(cls, case: Case) -> "SeenPoses":
         """Of the rows in which a camera sees the board that it sees in most of them."""
-        kind, campaign = pictures_of(case.campaign), case.campaign
+        kind, campaign = pictures_of(case.campaign.observations), case.campaign
         assert kind is not None
         poses, *others = BoardPoses.each(kind, case.poses(np.arange(len(campaign))))
         return cls(kind=kind, poses=poses, given=poses.in_rows_of(campaign, kind), others=tuple(others))

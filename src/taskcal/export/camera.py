@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -13,7 +13,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.export.descriptions import links_of
 from taskcal.export.forms import Export, Loss, placed
 from taskcal.identification.calibration import Calibration
-from taskcal.observations import Pixels
+from taskcal.observations import Pixels, images_of
 from taskcal.observations.camera import DISTORTION, KILO, Lens
 from taskcal.observations.views import Posed
 
@@ -21,39 +21,46 @@ ROS_MODELS = {"pinhole": "plumb_bob", "fisheye": "equidistant"}
 """Distortion models of ``sensor_msgs/CameraInfo`` with the coefficients of each lens, in OpenCV's order."""
 
 
-def pictured_target(calibration: Calibration) -> int | None:
-    """Number of the target that images show, or from which they were taken; None without images."""
-    kinds = zip(calibration.layout.kinds, calibration.layout.own, strict=True)
-    found = (t for t, (kind, own) in enumerate(kinds) if isinstance(kind, Pixels) and kind.lenses and not own.held)
-    return next(found, None)
+class Pictured(NamedTuple):
+    """The target of a calibration that images show, or from which they were taken."""
 
+    calibration: Calibration
+    target: int
+    """Its number."""
+    kind: Pixels
+    """What the images show."""
 
-def unknowns_of(calibration: Calibration, t: int) -> tuple[Pixels, dict[str, float], dict[str, float]]:
-    """What images of a target show, and its unknowns and their standard errors by their names, metres, radians and thousands."""
-    kind, own = calibration.layout.kinds[t], calibration.layout.own[t]
-    assert isinstance(kind, Pixels)
-    deviation = np.sqrt(np.maximum(np.diag(calibration.z_covariance), 0.0))[own.columns]
-    values, errors = (
-        dict(zip(kind.unknowns, numbers.tolist(), strict=True)) for numbers in (own.of(calibration.z), deviation)
-    )
-    return kind, values, errors
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Pictured | None":
+        """That of a calibration; None without images."""
+        found = images_of(calibration.layout.kinds)
+        if found is None or not found[1].lenses or calibration.layout.own[found[0]].held:
+            return None
+        return cls(calibration, *found)
 
+    @property
+    def unknowns(self) -> tuple[dict[str, float], dict[str, float]]:
+        """What is unknown of the images, and its standard errors, by their names, metres, radians and thousands."""
+        own = self.calibration.layout.own[self.target]
+        deviation = np.sqrt(np.maximum(np.diag(self.calibration.z_covariance), 0.0))[own.columns]
+        values, errors = (
+            dict(zip(self.kind.unknowns, numbers.tolist(), strict=True))
+            for numbers in (own.of(self.calibration.z), deviation)
+        )
+        return values, errors
 
-def place_of(calibration: Calibration, t: int, name: str) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6 6"]]:
-    """Place of a camera or a board, in the base if it stands, else in the tool frame, and the covariance of a move and a turn.
+    def place(self, name: str) -> tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6 6"]]:
+        """Place of a camera or a board, in the base if it stands, else in the tool frame, and the covariance of a move and a turn.
 
-    Args:
-        calibration: from images.
-        t: number of the target.
-        name: one of `Pixels.bodies`.
-    """
-    kind, layout, T = calibration.layout.kinds[t], calibration.layout, calibration.T_tool_target[t]
-    assert isinstance(kind, Pixels)
-    by = np.zeros((1, 6, len(calibration.z)))
-    place, own = layout.places[t].columns, layout.own[t]
-    by[0, :3, place[:3]] = by[0, 3:, place[3:]] = T[:3, :3].T
-    at = kind.place_on_robot(name, Posed(T[None], by), own.of(calibration.z), own.columns)
-    return at.T[0], at.by[0] @ calibration.z_covariance @ at.by[0].T
+        Args:
+            name: one of `Pixels.bodies`.
+        """
+        calibration, T = self.calibration, self.calibration.T_tool_target[self.target]
+        by = np.zeros((1, 6, len(calibration.z)))
+        place, own = calibration.layout.places[self.target].columns, calibration.layout.own[self.target]
+        by[0, :3, place[:3]] = by[0, 3:, place[3:]] = T[:3, :3].T
+        at = self.kind.place_on_robot(name, Posed(T[None], by), own.of(calibration.z), own.columns)
+        return at.T[0], at.by[0] @ calibration.z_covariance @ at.by[0].T
 
 
 EXACT = Loss(rms=0.0, maximum=0.0, poses=0, reasons=())
@@ -82,10 +89,10 @@ class Camera:
     @classmethod
     def each(cls, calibration: Calibration) -> "dict[str, Camera]":
         """The cameras of a calibration, by their names; none where it was not made from images."""
-        t, robot, out = pictured_target(calibration), calibration.model.robot, dict[str, Camera]()
-        if t is None:
+        pictured, robot, out = Pictured.of(calibration), calibration.model.robot, dict[str, Camera]()
+        if pictured is None:
             return out
-        kind, values, errors = unknowns_of(calibration, t)
+        kind, (values, errors) = pictured.kind, pictured.unknowns
         for name, lens, on_wrist in zip(kind.cameras, kind.lenses, kind.on_wrist, strict=True):
             fx, fy, cx, cy = (float(values[f"{name}.{number}"]) * KILO for number in ("fx", "fy", "cx", "cy"))
             out[name] = cls(
@@ -96,7 +103,7 @@ class Camera:
                 error=np.array([errors[f"{name}.{number}"] * KILO ** (number[0] in "fc") for number in lens.unknowns]),
                 parent=links_of(robot)[on_wrist],
                 on_wrist=on_wrist,
-                T_parent_camera=place_of(calibration, t, name)[0],
+                T_parent_camera=pictured.place(name)[0],
             )
         return out
 

@@ -41,6 +41,8 @@ from taskcal.observations.landmark import CameraInstrument as CameraInstrument
 from taskcal.observations.landmark import Landmarks as Landmarks
 from taskcal.observations.pixels import PixelInstrument as PixelInstrument
 from taskcal.observations.pixels import Pixels as Pixels
+from taskcal.observations.pixels import images_of as images_of
+from taskcal.observations.pixels import pictures_of as pictures_of
 from taskcal.observations.plane import Planes as Planes
 from taskcal.observations.point import Point as Point
 from taskcal.observations.pose import Pose as Pose

@@ -594,6 +594,17 @@ class Pixels(Standalone):
         return super().named_like(other, unknown)
 
 
+def images_of(kinds: Sequence[Observation]) -> tuple[int, Pixels] | None:
+    """Number of the target that images show, or from which they were taken, and what they show; None without images."""
+    return next(((t, one) for t, one in enumerate(kinds) if isinstance(one, Pixels)), None)
+
+
+def pictures_of(kinds: Sequence[Observation]) -> Pixels | None:
+    """What images show that were looked at; None without such."""
+    found = images_of(kinds)
+    return None if found is None or found[1].pictures is None else found[1]
+
+
 def _roots(
     information: Float[np.ndarray, "n k k"],
 ) -> tuple[Float[np.ndarray, "n k k"], Float[np.ndarray, "n k k"]]:

@@ -13,7 +13,7 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, listed, shown
 from taskcal.geometry import se3
 from taskcal.geometry.euler import to_angles
-from taskcal.observations import ObservedColumns, Pixels
+from taskcal.observations import ObservedColumns, Pixels, images_of
 from taskcal.observations.calibration_board import MAX_SCALE_ERROR, Board
 from taskcal.observations.camera import (
     FEWEST_CORNERS,
@@ -472,7 +472,9 @@ def with_pictures(
         CampaignError: images are not there, too few show a board, one board is in none, they do not fit the robot, or a camera that
             is known does not.
     """
-    blank = next(one for one in campaign.observations if isinstance(one, Pixels))
+    found = images_of(campaign.observations)
+    assert found is not None
+    blank = found[1]
     number, missing = _numbers(campaign, blank, corners)
     shapes = [_shapes(own, of, boards) for own, of in zip(corners, number, strict=True)]
     rows = np.unique([shape.row for own in shapes for shape in own]).astype(int)

@@ -12,7 +12,7 @@ from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
 from taskcal.geometry import se3
 from taskcal.io.files import write_whole
-from taskcal.observations import Pixels
+from taskcal.observations import pictures_of
 from taskcal.observations.base import written
 from taskcal.reading.pictures import Corners, stem_of, tabulate_corners
 from taskcal.reading.readings import Readings
@@ -133,7 +133,8 @@ def pictured_text(campaign: Campaign, corners: Sequence[Corners], robot: Robot) 
         corners: in the images of each camera.
         robot: whose joints they are.
     """
-    kind = next(one for one in campaign.observations if isinstance(one, Pixels))
+    kind = pictures_of(campaign.observations)
+    assert kind is not None
     assert kind.of is not None
     cells, name_of = tabulate_corners(corners), str if len(corners) == 1 else stem_of
     rows = {name_of(kind.images[k]): row for row, k in enumerate(kind.of) if k >= 0}

@@ -10,10 +10,10 @@ from jaxtyping import Float
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
-from taskcal.export.camera import pictured_target, place_of, unknowns_of
+from taskcal.export.camera import Pictured
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
-from taskcal.observations import Pixels
+from taskcal.observations import Pixels, images_of
 from taskcal.observations.camera import KILO, Lens, Pictures
 from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
@@ -51,11 +51,11 @@ def describe_camera(calibration: Calibration, campaign: Campaign | None = None) 
         calibration: of images.
         campaign: with images, the rows that were fitted or others; without, nothing is said of corners.
     """
-    t = pictured_target(calibration)
-    if t is None:
+    pictured = Pictured.of(calibration)
+    if pictured is None:
         return {}
-    kind, values, errors = unknowns_of(calibration, t)
-    corners = {} if campaign is None else _describe_corners(calibration, campaign, t)
+    kind, (values, errors) = pictured.kind, pictured.unknowns
+    corners = {} if campaign is None else _describe_corners(pictured, campaign)
     cameras = {
         name: {
             "model": lens.model,
@@ -65,7 +65,7 @@ def describe_camera(calibration: Calibration, campaign: Campaign | None = None) 
             "standard_error": {
                 number: KILO ** (number[0] in "fc") * errors[f"{name}.{number}"] for number in lens.unknowns
             },
-            **_placed(calibration, t, name),
+            **_placed(pictured, name),
             **corners.get("cameras", {}).get(name, {}),
         }
         for name, lens in zip(kind.cameras, kind.lenses, strict=True)
@@ -74,11 +74,11 @@ def describe_camera(calibration: Calibration, campaign: Campaign | None = None) 
     for name in kind.boards:
         scale = f"board {name}.scale"
         boards[name] = {
-            **_placed(calibration, t, f"board {name}"),
+            **_placed(pictured, f"board {name}"),
             "scale_ppm": values[scale] * 1e6 if scale in values else None,
             "scale_standard_error_ppm": errors[scale] * 1e6 if scale in errors else None,
         }
-    hand_eye = {key: value for key, value in _placed(calibration, t, kind.moving[0]).items() if key != "frame"}
+    hand_eye = {key: value for key, value in _placed(pictured, kind.moving[0]).items() if key != "frame"}
     return {
         "camera": cameras[kind.cameras[0]],
         "hand_eye": {"on_wrist": kind.target, **hand_eye},
@@ -88,16 +88,14 @@ def describe_camera(calibration: Calibration, campaign: Campaign | None = None) 
     }
 
 
-def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels, Float[np.ndarray, " u"]]:
+def _seen(pictured: Pictured, campaign: Campaign) -> tuple[Pixels, Float[np.ndarray, " u"]]:
     """What the images show, and the unknowns of the calibration in its order.
 
     Raises:
         CampaignError: they are of another camera, or there are none.
     """
-    layout, found = calibration.layout, campaign.observations
-    kind, own = found[t] if len(found) == len(layout.kinds) else None, layout.kinds[t]
-    assert isinstance(own, Pixels)
-    if not isinstance(kind, Pixels) or _who(kind) != _who(own):
+    found, own = images_of(campaign.observations), pictured.kind
+    if found is None or _who(found[1]) != _who(own):
         cameras = ", ".join(
             f"{name}: {lens.model}, {lens.width} × {lens.height} pixels, {'on the wrist' if moves else 'beside the robot'}"
             for name, lens, moves in zip(own.cameras, own.lenses, own.on_wrist, strict=True)
@@ -106,7 +104,8 @@ def _seen(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Pixels,
             f"{campaign.source or 'the campaign'} does not show what the calibration has ({cameras}; on the wrist: "
             f"{', '.join(own.moving)}); name the campaign that was fitted, with its --images, --board and --lens"
         )
-    return kind, kind.named_like(layout.kinds[t], layout.unknowns(calibration.z)[t])
+    layout, z = pictured.calibration.layout, pictured.calibration.z
+    return found[1], found[1].named_like(own, layout.unknowns(z)[pictured.target])
 
 
 def _who(kind: Pixels) -> tuple[dict[str, Lens], str, set[str]]:
@@ -114,21 +113,23 @@ def _who(kind: Pixels) -> tuple[dict[str, Lens], str, set[str]]:
     return dict(zip(kind.cameras, kind.lenses, strict=True)), kind.target, set(kind.moving)
 
 
-def _residuals(calibration: Calibration, campaign: Campaign, t: int) -> tuple[Float[np.ndarray, "c 2"], ...]:
+def _residuals(pictured: Pictured, campaign: Campaign) -> tuple[Float[np.ndarray, "c 2"], ...]:
     """Pixels of each camera's corners less those predicted for the boards where the robot has them."""
-    kind, unknown = _seen(calibration, campaign, t)
-    found = kind.reproject(calibration.target_poses(campaign.q, campaign.conditions)[:, t], unknown)
+    kind, unknown = _seen(pictured, campaign)
+    targets = pictured.calibration.target_poses(campaign.q, campaign.conditions)
+    found = kind.reproject(targets[:, pictured.target], unknown)
     assert found is not None
     return found
 
 
-def _describe_corners(calibration: Calibration, campaign: Campaign, t: int) -> dict[str, Any]:
+def _describe_corners(pictured: Pictured, campaign: Campaign) -> dict[str, Any]:
     """How far corners are from where they are predicted, and the usual two steps."""
-    kind, T = _seen(calibration, campaign, t)[0], calibration.T_tool_target[t]
+    kind, T = _seen(pictured, campaign)[0], pictured.calibration.T_tool_target[pictured.target]
     assert kind.pictures is not None
-    X, by_steps = kind.two_steps(ErrorModel(calibration.model.robot).poses(campaign.q))
-    nominal = ErrorModel(calibration.model.robot).poses(campaign.q) @ X
-    apart, residual = se3.inverse(T) @ X, _residuals(calibration, campaign, t)
+    poses = ErrorModel(pictured.calibration.model.robot).poses(campaign.q)
+    X, by_steps = kind.two_steps(poses)
+    nominal = poses @ X
+    apart, residual = se3.inverse(T) @ X, _residuals(pictured, campaign)
     steps = kind.reproject(nominal, by_steps)
     assert steps is not None
     weights = [len(pictures.pixel) for pictures in kind.pictures]
@@ -200,13 +201,12 @@ def _placed_at(T: Float[np.ndarray, "4 4"]) -> dict[str, Any]:
     return {"position_mm": (T[:3, 3] * 1e3).tolist(), "quaternion": se3.to_quaternion(T[:3, :3]).tolist()}
 
 
-def _placed(calibration: Calibration, t: int, name: str) -> dict[str, Any]:
+def _placed(pictured: Pictured, name: str) -> dict[str, Any]:
     """Place of a camera or a board in the base, or in the tool frame, and the standard errors along and about its axes."""
-    kind, (T, covariance) = calibration.layout.kinds[t], place_of(calibration, t, name)
-    assert isinstance(kind, Pixels)
+    T, covariance = pictured.place(name)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * 1e3
     return {
-        "frame": "base" if name in kind.standing else "tool",
+        "frame": "base" if name in pictured.kind.standing else "tool",
         **_placed_at(T),
         "standard_error_mm": errors[:3].tolist(),
         "standard_error_mrad": errors[3:].tolist(),
@@ -229,8 +229,8 @@ def camera_section(
     Raises:
         FileError: an image is not one that OpenCV reads.
     """
-    t = pictured_target(calibration)
-    if t is None:
+    pictured = Pictured.of(calibration)
+    if pictured is None:
         return None
     found = describe_camera(calibration, campaign)
     own = (
@@ -249,9 +249,9 @@ def camera_section(
                 campaign=calibration.provenance.campaign,
             ),
         )
-    kind, charts = _seen(calibration, campaign, t)[0], list[Chart]()
+    kind, charts = _seen(pictured, campaign)[0], list[Chart]()
     assert kind.pictures is not None
-    for name, pictures, residual in zip(kind.cameras, kind.pictures, _residuals(calibration, campaign, t), strict=True):
+    for name, pictures, residual in zip(kind.cameras, kind.pictures, _residuals(pictured, campaign), strict=True):
         if not len(residual):
             continue
         several, numbers = len(kind.cameras) > 1, np.array([found["cameras"][name][k] for k in pictures.lens.unknowns])

@@ -18,7 +18,7 @@ from taskcal.campaigns.drift import compensate_drift, observe_reference_points
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
 from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
-from taskcal.observations import Pixels
+from taskcal.observations import images_of
 from taskcal.reading.detection import SUFFIXES
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
@@ -134,7 +134,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     except TaskcalError as error:
         await _unread(error, studio, robot, texts)
         return
-    if any(isinstance(one, Pixels) and one.pictures is None for one in campaign.observations):
+    if (images := images_of(campaign.observations)) and images[1].pictures is None:
         studio.unread = await asyncio.to_thread(examined, project)
         message(texts("measurements.names_images"))
         return

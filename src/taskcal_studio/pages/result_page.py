@@ -10,7 +10,7 @@ from nicegui import ui
 
 from taskcal.correction.verdict import judge
 from taskcal.errors import TaskcalError
-from taskcal.export.camera import pictured_target
+from taskcal.export.camera import Pictured
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.report.calibration import calibration_sections
 from taskcal.report.content import Column, Scene, Section, Table, millimetres
@@ -76,7 +76,7 @@ async def build(studio: Studio, texts: Texts) -> None:
 def _sections(calibration: Calibration, judged: Mapping[str, Any] | None, project: Project) -> Sequence[Section]:
     """Sections as the report has them, with the corners of the chosen campaign where it is the one that was fitted."""
     folders = [project.path(images)] if (images := project.choices.images) else []
-    for folder in (*folders, None) if pictured_target(calibration) is not None else ():
+    for folder in (*folders, None) if Pictured.of(calibration) is not None else ():
         with suppress(TaskcalError):  # of another campaign than the one that is chosen the corners are not there
             campaign = read_measured(project, calibration.model.robot)
             return calibration_sections(calibration, judged=judged, campaign=campaign, images=folder)

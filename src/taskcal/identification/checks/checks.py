@@ -15,7 +15,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.checks.course import describe_event, find_in_course
 from taskcal.identification.checks.digits import few_digits_of
 from taskcal.identification.options import FitOptions
-from taskcal.observations import Pixels, TrackerNoise
+from taskcal.observations import TrackerNoise, pictures_of
 from taskcal.reading.pictures import BoardPoses, focus_drift
 from taskcal.registration.length_scale import NAMED_SIGMAS, board_said, find_length_scale
 from taskcal.registration.plausibility import is_in_base
@@ -289,19 +289,18 @@ def _other_board(fit: Checked) -> Iterator[str]:
     larger scale of their prior. What is stated of a size counts beside the robot's tolerances.
     """
     model, campaign = fit.calibration.model, fit.campaign
-    for kind in campaign.observations:
-        if not isinstance(kind, Pixels) or kind.pictures is None:
+    kind, told = pictures_of(campaign.observations), set[int]()
+    if kind is None or kind.pictures is None:
+        return
+    for pair in BoardPoses.each(kind, nominal_poses(model, campaign)):
+        if pair.board in told or focus_drift(kind.pictures[pair.camera]) is not None:
             continue
-        told = set[int]()
-        for pair in BoardPoses.each(kind, nominal_poses(model, campaign)):
-            if pair.board in told or focus_drift(kind.pictures[pair.camera]) is not None:
-                continue
-            told.add(pair.board)
-            one = replace(campaign.of_targets(campaign.targets[:1]), observations=(), uncertainty=None)
-            scale, name = find_length_scale(model, pair.in_rows_of(one, kind)), kind.boards[pair.board]
-            if scale is not None and scale.differs(kind.u_scale[pair.board]):
-                board = "the board" if name == "board" else f"board {name}"
-                yield Said("scale in doubt: {said}", said=board_said(board, scale.value))
+        told.add(pair.board)
+        one = replace(campaign.of_targets(campaign.targets[:1]), observations=(), uncertainty=None)
+        scale, name = find_length_scale(model, pair.in_rows_of(one, kind)), kind.boards[pair.board]
+        if scale is not None and scale.differs(kind.u_scale[pair.board]):
+            board = "the board" if name == "board" else f"board {name}"
+            yield Said("scale in doubt: {said}", said=board_said(board, scale.value))
 
 
 def _wrong_rotations(fit: Checked) -> Iterator[str]:
