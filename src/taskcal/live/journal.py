@@ -20,6 +20,7 @@ from taskcal.io.json_file import SEAL, chained, digest_of, unchain
 from taskcal.live.lines import KindColumns
 from taskcal.observations.base import Measured, written
 from taskcal.observations.instrument import Instrument
+from taskcal.observations.point import Tracker
 from taskcal.reading.options import ReadOptions
 from taskcal.reading.pictures import NO_CORNERS, Corners, join_corners, read_corners
 from taskcal.reading.reader import read_campaign
@@ -65,6 +66,9 @@ class Row:
 EDITED = "undo the change, or begin another campaign"
 """What to do about a campaign that is not as it was written."""
 
+ANY_TRACKER = Tracker()
+"""That sees one reflector at the TCP from everywhere."""
+
 SETTINGS = {"instrument": "instrument, or other places, lengths or options of it", "tolerance_mm": "tolerance in mm"}
 """Settings in words, where their names are not."""
 
@@ -82,7 +86,7 @@ class Journal:
         robot: Robot,
         target: str = "tool",
         *,
-        observe: Instrument | None = None,
+        observe: Instrument = ANY_TRACKER,
         options: ReadOptions | None = None,
     ):
         """Name the files.
@@ -91,7 +95,7 @@ class Journal:
             path: of the campaign.
             robot: that is measured.
             target: of a tracker.
-            observe: what measures, if not a tracker.
+            observe: what measures.
             options: what is stated that the file does not say.
         """
         self.path, self.notes_path = path, path.with_suffix(".measure.jsonl")
@@ -105,7 +109,7 @@ class Journal:
         """Whether a line that a kill had left half-written was dropped."""
         self.corners_path: Path | None = None
         """Of the corners that images show, where images are taken."""
-        if observe is not None and observe.looked_for is not None:
+        if observe.looked_for is not None:
             self.corners_path = path.with_suffix(".corners.csv")
             self._options = replace(options or ReadOptions(), images=self.corners_path)
 
@@ -289,7 +293,7 @@ class Journal:
     def _stated(self, rows: Int[np.ndarray, " k"], own: Path) -> ReadOptions | None:
         """What is stated, without distances of fixtures that none of the rows names, as one that is left out; these need a file."""
         options, observe = self._options, self._observe
-        if options is None or options.distances is None or observe is None:
+        if options is None or options.distances is None or "distances" not in observe.shares:
             return options
         of = np.array([observe.fixtures.names.index(self.rows[k].fixture) for k in rows], dtype=np.int64)
         there = observe.observation(of).take(np.arange(len(of)))
@@ -324,7 +328,7 @@ class Journal:
     def _cells(self, rows: Sequence[Row]) -> dict[str, list[str]]:
         """Columns of what was measured."""
         point = np.array([row.point for row in rows]).reshape(-1, 3)
-        if self._observe is None:
+        if self._observe.kind.in_tracker:
             return {
                 **{f"{self._target}{axis}_mm": written(point[:, k] * 1e3) for k, axis in enumerate("xyz")},
                 "station": [str(row.station) for row in rows],
@@ -341,7 +345,7 @@ class Journal:
 
     def _measured(self, cells: Sequence[str], number: int, seen: Mapping[str, Corners]) -> dict[str, Any]:
         """Fields of a row that state what was measured."""
-        if self._observe is None:
+        if self._observe.kind.in_tracker:
             *xyz, station = cells
             return {"station": int(station), "point": np.array([_number(cell) for cell in xyz]) * 1e-3}
         if self.corners_path is not None:

@@ -101,8 +101,7 @@ class Drive:
         steps = max(int(np.ceil(np.abs(end - start).max() / PATH_STEP)), 1)
         q = start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start)
         links = place_links(self.aim.model, q)
-        boxes = self.aim.instrument.obstacles if self.aim.station is None else self.aim.station.keep_out
-        return bool((clear_of_itself(links) & clear_of_boxes(links, boxes)).all())
+        return bool((clear_of_itself(links) & clear_of_boxes(links, self.aim.instrument.obstacles)).all())
 
     def go(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> None:
         """Begin the motion, the first one slowly.

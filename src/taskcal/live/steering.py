@@ -252,7 +252,7 @@ class Steering:
         """The choice without measurements, the poses to begin with, and those that chance chooses among: of the task itself."""
         aim = self.aim
         options = PlanOptions(
-            seed=aim.seed, station=aim.station, observe=aim.observe, candidates=aim.candidates, refine=0
+            seed=aim.seed, station=aim.station, observe=aim.instrument, candidates=aim.candidates, refine=0
         )
         choice = PoseChoice.among(aim.model, aim.task, options)
         own = aim.instrument.own_poses(
@@ -322,9 +322,7 @@ class Steering:
             self._refuse_contradiction(rows)  # says what can be done in a measurement that goes on
             raise
         instrument, measurable = self._standing(calibration)
-        options = PlanOptions(
-            seed=aim.seed, station=aim.station, observe=aim.observe and instrument, calibration=calibration
-        )
+        options = PlanOptions(seed=aim.seed, station=aim.station, observe=instrument, calibration=calibration)
         choice = PoseChoice.among(calibration.model, aim.task, options, measurable)
         return Fit(
             calibration=calibration,

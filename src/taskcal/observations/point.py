@@ -180,6 +180,11 @@ class Tracker(Instrument):
         """Names of the reflectors."""
         return ("tool",) if self.station is None else tuple(reflector.name for reflector in self.station.reflectors)
 
+    @property
+    def obstacles(self) -> tuple[Box, ...]:
+        """Boxes that the robot must stay clear of: the station's."""
+        return self.keep_out if self.station is None else self.station.keep_out
+
     def observation(self, of: Int[np.ndarray, " n"], target: Float[np.ndarray, "n 4 4"] | None = None) -> Point:
         """Points."""
         return Point()
@@ -212,7 +217,7 @@ class Tracker(Instrument):
         links = place_links(model, reached.q)
         ok, seen = self.check(model, reached.q, links)
         clear = clear_of_itself(links)
-        boxes = clear_of_boxes(links, self.station.keep_out) if self.station else np.ones(len(reached), dtype=bool)
+        boxes = clear_of_boxes(links, self.obstacles)
         lost: dict[str, int] = {
             NOT_REACHED: int(reached.unreachable.sum()),
             TOO_NEAR: int((~clear).sum()),

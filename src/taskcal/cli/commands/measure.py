@@ -170,9 +170,8 @@ def command(
 
     aim = _observed(_aim(robot, task, station, rows, seed), observing, lengths)
     program = Program.read(devices.program, aim.model.robot) if devices.program is not None else None
-    target = "tool" if aim.station is None else aim.station.reflectors[0].name
     options = lengths.read_options(aim.instrument)
-    journal = Journal(output, aim.model.robot, target, observe=aim.observe, options=options)
+    journal = Journal(output, aim.model.robot, aim.instrument.targets[0], observe=aim.instrument, options=options)
     terminal = _Terminal(aim=aim, as_json=as_json)
     if aim.tolerance is None:
         terminal.note(
@@ -266,10 +265,9 @@ def _observed(aim: "Aim", observing: ObservingOptions, lengths: LengthOptions) -
         FileError: a file cannot be read.
         ReachError: no fixtures are stated, and the robot does not reach the task.
     """
-    boxes = () if aim.station is None else aim.station.keep_out
-    observe = observing.load(aim.model, aim.task, boxes, replace(lengths, distances=lengths.distances or ()))
-    if observe is None:
+    if not observing.fixed:
         return aim
+    observe = observing.load(aim.model, aim.task, aim.station, replace(lengths, distances=lengths.distances or ()))
     if observe.looked_for is not None and len(observe.looked_for.boards) > 1:
         raise typer.BadParameter("has several boards; one is measured live: leave the others out", param_hint="--board")
     if observe.label and observing.stated is None:

@@ -95,9 +95,9 @@ class MeasuringOptions:
             for number, path in enumerate(paths)
         )
 
-    def paths_of(self, instrument: "Instrument | None") -> tuple[tuple[Path, ...], ...]:
+    def paths_of(self, instrument: "Instrument") -> tuple[tuple[Path, ...], ...]:
         """Paths that are written for each file that was asked for: one, or one for each setup of fixtures, numbered from 1."""
-        count = 1 if instrument is None else int(instrument.stages.max()) + 1
+        count = int(instrument.stages.max()) + 1
         if count == 1:
             return tuple((path,) for path in self.paths)
         return tuple(tuple(path.with_stem(f"{path.stem}_{k + 1}") for k in range(count)) for path in self.paths)
@@ -181,8 +181,7 @@ class Setting:
     task: "taskcal.Task"
     station: "taskcal.Station | None"
     campaign: "taskcal.Campaign | None"
-    instrument: "Instrument | None" = None
-    """What measures, if not a tracker."""
+    instrument: "Instrument"
 
     @property
     def measured(self) -> int:
@@ -322,13 +321,12 @@ def _read(
     model, calibration = of.load()
     task = taskcal.load_task(path)
     station = None if choice.station is None else taskcal.load_station(choice.station)
-    instrument = observing.load(model, task, () if station is None else station.keep_out, measured)
     return Setting(
         model=model,
         calibration=calibration,
         task=task,
-        station=None if instrument is not None else station,
-        instrument=instrument,
+        station=None if observing.fixed else station,
+        instrument=observing.load(model, task, station, measured),
         campaign=None if measured.campaign is None else measured.read(measured.campaign, model.robot).campaign,
     )
 
@@ -350,7 +348,7 @@ def _plan(
             station=setting.station,
             campaign=setting.campaign,
             calibration=setting.calibration,
-            observe=setting.instrument,
+            observe=None if setting.instrument.kind.in_tracker else setting.instrument,
             progress=progress,
         )
         chosen = taskcal.plan(setting.model, setting.task, count, options)
@@ -377,6 +375,5 @@ def _clearance(chosen: "taskcal.Plan", setting: Setting) -> dict[str, list[float
     from taskcal.kinematics.clearance import gap_between_links, gap_to_boxes, place_links
 
     links = place_links(setting.model, chosen.q)
-    boxes = () if setting.station is None else setting.station.keep_out
-    gaps = {"between_links": gap_between_links(links), "to_keep_out": gap_to_boxes(links, boxes)}
+    gaps = {"between_links": gap_between_links(links), "to_keep_out": gap_to_boxes(links, setting.instrument.obstacles)}
     return {name: (gap * 1e3).tolist() if np.isfinite(gap).all() else None for name, gap in gaps.items()}

@@ -10,6 +10,7 @@ import typer
 import taskcal
 from taskcal.cli.command import option
 from taskcal.observations import Fixtures, Instrument, instrument_classes, load_fixtures
+from taskcal.observations.point import Tracker
 from taskcal.planning.options import Mounting
 from taskcal_groundwork.options import OptionError, Stated, options_of
 
@@ -115,15 +116,15 @@ class _Observing(Mounting):
         self,
         model: "taskcal.ErrorModel",
         task: "taskcal.Task",
-        keep_out: "tuple[taskcal.kinematics.Box, ...]",
+        station: "taskcal.Station | None",
         also: Any,
-    ) -> Instrument | None:
-        """The instrument in the task's cell; None for a tracker.
+    ) -> Instrument:
+        """The instrument in the task's cell.
 
         Args:
             model: of the robot.
             task: what it has to do.
-            keep_out: boxes.
+            station: of a tracker; of other instruments its boxes count.
             also: options of campaigns (`CampaignOptions`), some of which are of instruments, too.
 
         Raises:
@@ -131,8 +132,8 @@ class _Observing(Mounting):
             ReachError: no fixtures are stated, and the robot does not reach the task.
         """
         if not self.fixed:
-            return None
-        stated: dict[str, Any] = {"keep_out": keep_out}
+            return Tracker(station=station)
+        stated: dict[str, Any] = {"keep_out": () if station is None else station.keep_out}
         for name, one in self.own.items():
             if (text := getattr(self, name)) is not None:
                 stated[one.field] = _value(one, name, text)
