@@ -24,6 +24,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.held_out import Validation
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
+from taskcal.observations import Point
 from taskcal.registration.circles import AxisCircle, find_circles, register_from_circles
 from taskcal.registration.registration import Registration
 from taskcal.robot.error_model import ErrorModel
@@ -109,7 +110,7 @@ def errors_in_base(in_tracker: Float[np.ndarray, "n 3"], calibration: Calibratio
         in_tracker: errors of the TCP in the tracker frame, metres.
         calibration: says how the base lies in it.
     """
-    return Validation.of_residuals(in_tracker[:, None], calibration.T_tracker_base[:3, :3])
+    return Validation.of_residuals(in_tracker[:, None], calibration.T_tracker_base[:3, :3], (Point,))
 
 
 # The reference task of the published procedure: a box in front of an IRB 6660-205/1.9, worked in one tool

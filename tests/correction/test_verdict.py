@@ -255,7 +255,15 @@ def test_held_out_rows_that_are_farther_off_contradict_it(calibration):
     assert judge(calibration, task).judgements[0].decision == "met"
     residuals = np.full((4, len(calibration.targets), 3), 2e-3)
     rows = np.arange(4)
-    held_out = HeldOut(by="rows", folds=2, rows=rows, part=rows % 2, residuals=residuals, nominal=residuals)
+    held_out = HeldOut(
+        by="rows",
+        folds=2,
+        rows=rows,
+        part=rows % 2,
+        residuals=residuals,
+        nominal=residuals,
+        kinds=calibration.layout.observed,
+    )
     judgement = judge(replace(calibration, held_out=held_out), task).judgements[0]
     assert judgement.decision == "not known"
     assert judgement.reasons

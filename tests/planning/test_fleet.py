@@ -77,7 +77,15 @@ def test_held_out_rows_judge_a_calibration(fleet, nominal, predicted, verdict):
     rows = np.arange(len(calibration.q))
     off = np.nanmean(np.linalg.norm(calibration.residuals, axis=2)) * np.array([0.6, 0.0, -0.8])
     left, by_nominal = (np.tile(share * off, (len(rows), 1, 1)) for share in (predicted, nominal))
-    held_out = HeldOut(by="rows", folds=2, rows=rows, part=rows % 2, residuals=left, nominal=by_nominal)
+    held_out = HeldOut(
+        by="rows",
+        folds=2,
+        rows=rows,
+        part=rows % 2,
+        residuals=left,
+        nominal=by_nominal,
+        kinds=calibration.layout.observed,
+    )
     replace(calibration, held_out=held_out).save(file)
     (row,) = [one for one in review_fleet(fleet).calibrations if one["file"] == "a/2026-03-01.json"]
     assert row["verdict"] == verdict

@@ -14,6 +14,7 @@ from taskcal.identification.held_out import HeldOut, LeftOut, Outlier
 from taskcal.identification.identify import identify
 from taskcal.identification.residual_analysis import Explained, ResidualAnalysis
 from taskcal.identification.validation import Validation, validate
+from taskcal.observations import Point
 from taskcal.report.calibration import (
     calibration_page,
     calibration_sections,
@@ -59,7 +60,9 @@ def of_poses():
 def test_page_states_the_validation_of_fitted_rows(of_poses):
     campaign, calibration = of_poses
     summary = validate(calibration, campaign).summary()
-    again = Validation.of_residuals(calibration.residuals, calibration.T_tracker_base[:3, :3]).summary()
+    again = Validation.of_residuals(
+        calibration.residuals, calibration.T_tracker_base[:3, :3], calibration.layout.observed
+    ).summary()
     assert again == pytest.approx(summary)
     table = tabulate_errors({"tool": summary}, of="target")
     page = page_of(calibration)
@@ -155,7 +158,8 @@ def test_verdict_names_prediction_error_and_sample(
 def of_lengths(mm, part, folds=0, by="neighbours"):
     residuals = np.asarray(mm, dtype=float)[:, None, None] * np.array([1e-3, 0.0, 0.0])
     return HeldOut(
-        by=by, folds=folds, rows=np.arange(len(mm)), part=np.asarray(part), residuals=residuals, nominal=10 * residuals
+        by=by, folds=folds, rows=np.arange(len(mm)), part=np.asarray(part), residuals=residuals, nominal=10 * residuals,
+        kinds=(Point,),
     )  # fmt: skip
 
 

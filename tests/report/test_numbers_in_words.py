@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskcal.identification.held_out import HeldOut
+from taskcal.observations import Point
 from taskcal.planning.plan import Plan
 from taskcal.planning.study import Study
 from taskcal.report.calibration import describe_coverage, describe_held_out, verdict
@@ -58,8 +59,9 @@ def test_held_out_parts_are_stated_with_their_scatter() -> None:
     residuals = mm[:, None, None] * np.array([0.6e-3, 0.0, -0.8e-3])
     inside = np.array([[1.0], [1.0], [0.0], [1.0], [np.nan], [1.0]])
     made = HeldOut(
-        by="blocks", folds=0, rows=np.arange(6), part=part, residuals=residuals, nominal=residuals, inside=inside
-    )
+        by="blocks", folds=0, rows=np.arange(6), part=part, residuals=residuals, nominal=residuals, inside=inside,
+        kinds=(Point,),
+    )  # fmt: skip
     means = [mm[part == k].mean() for k in range(3)]
     own = np.array([mm[part == k].sum() - np.sum(part == k) * mm.mean() for k in range(3)])
     error = np.sqrt(3.0 / 2.0 * np.sum(own**2)) / 6.0

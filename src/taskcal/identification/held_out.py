@@ -54,26 +54,28 @@ class Validation:
         cls,
         residual: Float[np.ndarray, "n targets b"],
         base: Float[np.ndarray, "3 3"],
-        kinds: Sequence[type[Observation]] = (),
+        kinds: Sequence[type[Observation]],
     ) -> "Validation":
         """Errors from residuals in the tracker's frame.
 
         Args:
             residual: measured less predicted, metres (then radians, for poses); NaN for lost beams.
             base: rotation of the robot's base in the tracker frame.
-            kinds: of observation of each target; none where a tracker measured all.
+            kinds: of observation of each target.
         """
         rows, targets = np.nonzero(~np.isnan(residual[..., 0]))
-        turn = np.where(_angular(kinds, residual)[targets, None], residual[rows, targets, 3:], np.nan)
+        turn = np.where(
+            np.array([kind.angles > 0 for kind in kinds])[targets, None], residual[rows, targets, 3:], np.nan
+        )
         components = residual[rows, targets, :3] @ base
-        components[~np.array([kind.along_axes for kind in kinds] or [True] * residual.shape[1])[targets]] = np.nan
+        components[~np.array([kind.along_axes for kind in kinds])[targets]] = np.nan
         return cls(
             errors=error_lengths(residual, kinds)[rows, targets],
             components=components,
             rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
             rows=tuple(int(row) for row in rows),
             in_space=all(kind.width - kind.angles in (0, 3) for kind in kinds),
-            lengths=_of_lengths(kinds, residual)[targets],
+            lengths=_of_lengths(kinds)[targets],
         )
 
     def __len__(self) -> int:
@@ -149,15 +151,10 @@ class Validation:
         return out
 
 
-def _of_lengths(kinds: Sequence[type[Observation]], residual: np.ndarray) -> Bool[np.ndarray, " targets"]:
+def _of_lengths(kinds: Sequence[type[Observation]]) -> Bool[np.ndarray, " targets"]:
     """Targets of which lengths are measured; all where of none."""
-    out = np.array([kind.width > kind.angles for kind in kinds] or [True] * residual.shape[1])
+    out = np.array([kind.width > kind.angles for kind in kinds])
     return out if out.any() else ~out
-
-
-def _angular(kinds: Sequence[type[Observation]], residual: np.ndarray) -> Bool[np.ndarray, " targets"]:
-    """Targets of which angles are measured."""
-    return np.array([kind.angles > 0 for kind in kinds] or [True] * residual.shape[1])
 
 
 @short_repr
@@ -183,7 +180,7 @@ class HeldOut:
     rotation_inside: Annotated[Float[np.ndarray, "rows targets"] | None, TRUTHS] = None
     """The same of rotations."""
     kinds: Annotated[tuple[type[Observation], ...], NOT_IN_FILE] = ()
-    """Of observation of each target; none where a tracker measured all."""
+    """Of observation of each target; none of a file alone, whose layout has them."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -217,7 +214,7 @@ class HeldOut:
     def _by_part(self) -> tuple[Float[np.ndarray, " parts"], Int[np.ndarray, " parts"]]:
         """Sum of the errors and number of points of every part."""
         length = error_lengths(self.residuals, self.kinds)
-        seen = np.isfinite(length) & _of_lengths(self.kinds, self.residuals)
+        seen = np.isfinite(length) & _of_lengths(self.kinds)
         sums = np.bincount(self.part, weights=np.where(seen, length, 0.0).sum(axis=1))
         return sums, np.bincount(self.part, weights=seen.sum(axis=1)).astype(int)
 

@@ -68,7 +68,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
     if not campaign.valid.any():
         raise CampaignError("the campaign has no measured point to compare with: every beam was lost")
     validation = replace(
-        Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3], campaign.kinds),
+        Validation.of_residuals(residual, calibration.T_tracker_base[:3, :3], as_known(calibration, campaign).kinds),
         compared=_compared(calibration, campaign),
         remarks=_station_remarks(calibration, campaign, others),
     )

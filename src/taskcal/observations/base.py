@@ -566,7 +566,7 @@ def error_lengths(
 
     Args:
         residual: in blocks, metres and radians.
-        kinds: of each target; none where a tracker measured all.
+        kinds: of each target.
     """
     out = np.linalg.norm(residual[..., :3], axis=2)
     for t, kind in enumerate(kinds):

@@ -1291,9 +1291,10 @@ def _before_after(calibration: Calibration, errors: MeasuredErrors | None) -> tu
     held_out = calibration.held_out
     if held_out is not None:
         return held_out.nominal_validation, held_out.validation
-    if errors is not None:
-        return Validation.of_residuals(errors.before, np.eye(3)), Validation.of_residuals(errors.after, np.eye(3))
     base, kinds = calibration.T_tracker_base[:3, :3], calibration.layout.observed
+    if errors is not None:
+        before, after = (Validation.of_residuals(one, np.eye(3), kinds) for one in (errors.before, errors.after))
+        return before, after
     return None, Validation.of_residuals(calibration.residuals, base, kinds)
 
 
