@@ -160,6 +160,7 @@ def _with_slipped(campaign: Campaign, row: int, chosen: list[int]) -> Campaign:
         campaign,
         targets=(*campaign.targets, *(f"{campaign.targets[t]}_slipped" for t in chosen)),
         points=np.concatenate([points, moved], axis=1),
+        observations=(*campaign.observations, *(campaign.observations[t] for t in chosen)),
         uncertainty=None if u is None else np.concatenate([u, u[:, chosen]], axis=1),
     )
 
