@@ -8,7 +8,7 @@ import pytest
 
 from robot_programs.core.program import Composition, Frame, pose_numbers
 from robot_programs.core.source import Source
-from robot_programs.krl.points import Status
+from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.rewrite import RapidProgram, compose_rapid
@@ -181,7 +181,7 @@ def test_krl_points_of_the_running_program_alone_are_wrapped(krl_calibration):
     tool = robot.T_flange_tool @ se3.translation(z=0.01)
     q = np.radians([10.0, -80.0, 100.0, 20.0, 40.0, 30.0])
     first = ErrorModel(robot).poses(q[None])[0] @ se3.translation(z=0.01)
-    posture = Status(S=0, T=0).of(robot, q)
+    posture = StatusTurn(S=0, T=0).of(robot, q)
 
     def text(T):
         return "{" + ",".join(f"{n} {v:.5f}" for n, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"

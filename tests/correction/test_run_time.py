@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.source import Source
-from robot_programs.krl.points import Status
+from robot_programs.krl.points import StatusTurn
 from robot_programs.rapid.read import read_rapid
 from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.frames import _flange_in_tool
@@ -105,7 +105,7 @@ def errors_of_krl(calibration, q, begin, keyword):
     robot = calibration.model.robot
     functions, off = at_table(calibration), []
     for at, first, target, wanted in zip(q, begin, *wanted_targets(calibration, q), strict=True):
-        stated, here = Status(S=0, T=0).of(robot, at), Status(S=0, T=0).of(robot, first)
+        stated, here = StatusTurn(S=0, T=0).of(robot, at), StatusTurn(S=0, T=0).of(robot, first)
         functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(first), start=1)})
         functions["S_POS_ACT"] = Record(S=here.S, T=here.T)
         point = krl_frame(target)
@@ -127,7 +127,7 @@ def test_krl_computes_the_correction_in_single_precision(krl_calibration, keywor
     q = postures(robot, 40)
     begin = np.roll(q, 1, axis=0)
     if keyword != "PTP":
-        status = np.array([Status(S=0, T=None).of(robot, one).S for one in q])
+        status = np.array([StatusTurn(S=0, T=None).of(robot, one).S for one in q])
         same = status == np.roll(status, 1)
         q, begin = q[same], begin[same]
     distance, turn = errors_of_krl(krl_calibration, q, begin, keyword)
@@ -175,7 +175,7 @@ def corrected_places(calibration):
     for at, target, corrected in zip(needed_joints(calibration, q), *wanted_targets(calibration, q), strict=True):
         functions["S_AXIS_ACT"] = Record(**{f"A{k}": F(angle) for k, angle in enumerate(np.degrees(at), start=1)})
         functions["S_POS_ACT"] = krl_frame(corrected)
-        functions["S_POS_ACT"].S = Status(S=0, T=0).of(robot, at).S
+        functions["S_POS_ACT"].S = StatusTurn(S=0, T=0).of(robot, at).S
         yield functions, target
 
 

@@ -21,8 +21,8 @@ from robot_programs.krl.syntax import (
     Control,
     Declaration,
     End,
+    KrlLine,
     MotionLine,
-    Statement,
     Word,
     given_by_value,
     lines_of_words,
@@ -36,18 +36,18 @@ from taskcal_groundwork.errors import InputError, shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class File:
+class KrlFile:
     """A file of a program."""
 
     number: int
     """Its place among the program's files."""
     source: Source
-    statements: tuple[Statement, ...]
+    statements: tuple[KrlLine, ...]
     read: frozenset[str] = frozenset()
     """Names of variables, and others, that its lines read."""
 
     @classmethod
-    def of(cls, number: int, source: Source) -> "File":
+    def of(cls, number: int, source: Source) -> "KrlFile":
         """The statements of a text."""
         read = set[str]()
         statements = tuple(parse(source.text, read))
@@ -114,25 +114,25 @@ class File:
         return tuple(out)
 
     @cached_property
-    def sections(self) -> tuple["Routine", ...]:
+    def sections(self) -> tuple["KrlRoutine", ...]:
         """Its routines, or data lists, and the lines outside of any."""
-        out: list[Routine] = []
+        out: list[KrlRoutine] = []
         start, head = 0, None
         for i, line in enumerate((*self.statements, None)):
             if line is None or isinstance(line, Begin | End):
-                out.append(Routine(file=self, head=head, lines=self.statements[start:i]))
+                out.append(KrlRoutine(file=self, head=head, lines=self.statements[start:i]))
                 start, head = i + 1, line if isinstance(line, Begin) else None
         return tuple(out)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Routine:
+class KrlRoutine:
     """A routine, local or global; or a data list, or lines outside of any."""
 
-    file: File
+    file: KrlFile
     head: Begin | None
     """The line that begins it; None of lines outside of any."""
-    lines: tuple[Statement, ...]
+    lines: tuple[KrlLine, ...]
     """Those inside."""
 
     @property
@@ -165,7 +165,7 @@ class Routine:
 class Datum:
     """A variable with the value that its data list states."""
 
-    file: File
+    file: KrlFile
     name: str
     """In capitals, with its index."""
     value: Structure | float | bool
@@ -189,7 +189,7 @@ class Datum:
         return self.file.source.place(self.start)
 
 
-def set_once(routine: Routine) -> Iterator[Datum]:
+def set_once(routine: KrlRoutine) -> Iterator[Datum]:
     """Elements of a routine's own arrays whose lines set each of them once, to a structure of numbers."""
     lines = defaultdict[str, list[Assignment]](list)
     for line in routine.lines:
@@ -213,7 +213,7 @@ GIVEN = Path("given.dat")
 """In place of a data list whose values are stated beside the files."""
 
 
-def given_data(number: int, values: Mapping[str, str]) -> File:
+def given_data(number: int, values: Mapping[str, str]) -> KrlFile:
     """A data list of the system with values that no file states; those with a type are declared, too.
 
     Args:
@@ -225,7 +225,7 @@ def given_data(number: int, values: Mapping[str, str]) -> File:
     """
     lines = ["DEFDAT $GIVEN"]
     for name, value in values.items():
-        own = File.of(number, Source.of(GIVEN, f"DEFDAT $GIVEN\n{name}={value}\nENDDAT\n".encode()))
+        own = KrlFile.of(number, Source.of(GIVEN, f"DEFDAT $GIVEN\n{name}={value}\nENDDAT\n".encode()))
         if [datum.name for datum in own.stated] != ["".join(name.upper().split())] or len(own.statements) != 3:
             raise InputError(
                 f"'{shown(value)}' is no value for {shown(name)}; give a structure such as "
@@ -235,7 +235,7 @@ def given_data(number: int, values: Mapping[str, str]) -> File:
         type_ = datum.value.kind if isinstance(datum.value, Structure) else ""
         lines += [f"DECL {type_} {name}"] if type_ else []
         lines.append(f"{name}={value}")
-    return File.of(number, Source.of(GIVEN, "\n".join([*lines, "ENDDAT", ""]).encode()))
+    return KrlFile.of(number, Source.of(GIVEN, "\n".join([*lines, "ENDDAT", ""]).encode()))
 
 
 BUILT_IN = "BAS"
@@ -264,12 +264,12 @@ _ORIENTS = re.compile(r"#(?:CONSTANT|JOINT|IGNORE)\b|\$ORI_TYPE\s*=(?!\s*(?:#VAR
 class Names:
     """What names of variables mean in the routines of a program, and what data lists state of them."""
 
-    files: tuple[File, ...]
+    files: tuple[KrlFile, ...]
 
     @cached_property
     def routines(self) -> "Routines":
         """The routines by name, which routines of several files may share."""
-        out: dict[str, list[Routine]] = {}
+        out: dict[str, list[KrlRoutine]] = {}
         for file in self.files:
             for routine in file.sections if not file.holds_data and file.module != BUILT_IN else ():
                 if routine.head is not None:
@@ -367,7 +367,7 @@ class Names:
             if isinstance(datum.value, Structure) and datum.value.origin
         }
 
-    def key(self, routine: Routine, name: str) -> str:
+    def key(self, routine: KrlRoutine, name: str) -> str:
         """Key of a variable among all variables of the program, by its name in a routine."""
         return f"{routine.prefix}{name}" if name in routine.own else self.key_in(routine.file.module, name)
 
@@ -382,7 +382,7 @@ class Names:
         files = (file for file in self.files if not file.holds_data and file.module != BUILT_IN)
         return frozenset(name for file in files for line in file.statements for name in _handled(line))
 
-    def number(self, routine: Routine, name: str) -> float | bool | None:
+    def number(self, routine: KrlRoutine, name: str) -> float | bool | None:
         """The number or truth value that a data list states for a variable, if no line of code may ever change it."""
         datum = self.data.get(self.key(routine, name), {}).get("")
         if datum is None or name in self.handled or isinstance(datum.value, Structure):
@@ -411,7 +411,7 @@ class Names:
         return tool, base
 
 
-def _handled(line: Statement | None) -> Iterator[str]:
+def _handled(line: KrlLine | None) -> Iterator[str]:
     words: Iterable[Word] = ()
     match line:
         case Beside(action=action):
@@ -428,13 +428,13 @@ def _handled(line: Statement | None) -> Iterator[str]:
 
 # Routines: what each alters, which calls which, and what may run beside their lines.
 
-Routines = Mapping[str, Sequence[Routine]]
+Routines = Mapping[str, Sequence[KrlRoutine]]
 """The routines of each name, which several files may have."""
-Declared = Mapping[Text, tuple[Routine, Beside]]
+Declared = Mapping[Text, tuple[KrlRoutine, Beside]]
 """By file and first character, the lines that declare an action, with their routines."""
 
 
-def calls_of(line: Statement) -> tuple[str, ...]:
+def calls_of(line: KrlLine) -> tuple[str, ...]:
     """Names that a line calls: of a routine, or of functions in its expressions."""
     match line:
         case Call():
@@ -452,7 +452,7 @@ def _before_parentheses(words: Sequence[Word | None]) -> tuple[str, ...]:
     )
 
 
-def only_computes(routine: Routine, routines: Container[str]) -> bool:
+def only_computes(routine: KrlRoutine, routines: Container[str]) -> bool:
     """Whether a call of a routine can be left out, once its value is known: it sets variables of its own and nothing else."""
     for line in routine.lines:
         match line:
@@ -469,7 +469,7 @@ def only_computes(routine: Routine, routines: Container[str]) -> bool:
     return True
 
 
-def _through_calls(routines: Routines, own: Callable[[Routine], Iterable[Thing]]) -> dict[str, frozenset[Thing]]:
+def _through_calls(routines: Routines, own: Callable[[KrlRoutine], Iterable[Thing]]) -> dict[str, frozenset[Thing]]:
     """What the routines of each name have, by themselves or by those that they call."""
     return with_called(
         {
@@ -479,7 +479,7 @@ def _through_calls(routines: Routines, own: Callable[[Routine], Iterable[Thing]]
     )
 
 
-def _called(same: Sequence[Routine], routines: Mapping[str, object]) -> frozenset[str]:
+def _called(same: Sequence[KrlRoutine], routines: Mapping[str, object]) -> frozenset[str]:
     return frozenset(name for r in same for line in r.lines for name in calls_of(line) if name in routines)
 
 
@@ -515,7 +515,7 @@ HARMLESS = frozenset({"IR_STOPM"})
 class Actions:
     """The actions of a program, by number of the file and first character of the line that declares them."""
 
-    declared: Declared = field(default_factory=dict[Text, tuple[Routine, Beside]])
+    declared: Declared = field(default_factory=dict[Text, tuple[KrlRoutine, Beside]])
     resuming: Mapping[str, frozenset[Text]] = field(default_factory=dict[str, frozenset[Text]])
     """By name of a routine: interrupts that it declares, and that leave what it calls."""
     started: Mapping[Text, frozenset[Text]] = field(default_factory=dict[Text, frozenset[Text]])
@@ -588,7 +588,7 @@ class _Meant:
         declares = {text for text, (_, line) in self.declared.items() if line.verb == "DECL"}
         return _through_calls(self.names.routines, lambda r: declares.intersection(_text(r, line) for line in r.lines))
 
-    def by(self, routine: Routine, line: Beside) -> frozenset[Text]:
+    def by(self, routine: KrlRoutine, line: Beside) -> frozenset[Text]:
         """Declarations of an interrupt in the routine and the ones it calls, else any of that number."""
         if line.keyword != "INTERRUPT":
             if line.verb == "ON":
@@ -610,21 +610,21 @@ class _Meant:
                 return found
         return frozenset()
 
-    def certain(self, routine: Routine, line: Beside, text: Text) -> bool:
+    def certain(self, routine: KrlRoutine, line: Beside, text: Text) -> bool:
         """Whether a line that ends actions ends that one for sure."""
         if line.keyword != "INTERRUPT":
             return True
         number = self._number(routine, line)
         return number is not None and self._number(*self.declared[text]) == number
 
-    def _number(self, routine: Routine, line: Beside) -> float | bool | None:
+    def _number(self, routine: KrlRoutine, line: Beside) -> float | bool | None:
         """The number of an interrupt; None where the text does not give it."""
         if len(line.number) != 1 or line.number[0].kind == "number":
             return number_of(line.number)
         return self.names.number(routine, line.number[0].upper)
 
 
-def _text(routine: Routine, line: Statement) -> Text:
+def _text(routine: KrlRoutine, line: KrlLine) -> Text:
     return routine.file.number, line.start
 
 
@@ -641,7 +641,7 @@ def _within(names: Sequence[str], words: Sequence[str]) -> bool:
     return any(list(words[i : i + len(names)]) == list(names) for i in range(len(words) - len(names) + 1))
 
 
-def _missing(line: Beside, actions: Sequence[Statement | None], routines: Routines) -> Iterable[str]:
+def _missing(line: Beside, actions: Sequence[KrlLine | None], routines: Routines) -> Iterable[str]:
     """Diagnostics of what a line starts and the files do not have."""
     leaves = "is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
     names = dict.fromkeys(action.name for action in actions if isinstance(action, Call))

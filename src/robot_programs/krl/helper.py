@@ -26,17 +26,17 @@ from robot_programs.core.program import Unresolved, Wrapped, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends, meeting_point
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.core.values import Structure
-from robot_programs.krl.data import BUILT_IN, PLACES, File, Names, Routine
+from robot_programs.krl.data import BUILT_IN, PLACES, KrlFile, KrlRoutine, Names
 from robot_programs.krl.lower import Coded, MotionStep, is_stated
-from robot_programs.krl.points import Status
+from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.syntax import (
     RELATIVE_MOTIONS,
     Assignment,
     Call,
     Control,
+    KrlLine,
     MotionLine,
     Operand,
-    Statement,
     Word,
     whole_call,
 )
@@ -166,7 +166,7 @@ class BentArm:
         found = set[tuple[float, ...]]()
         for own, T in zip(q, robot.tool_poses(q) @ to_flange, strict=True):
             off = [np.abs(np.sin(0.5 * (arm.joints(T[:3, :3], T[:3, 3], one)[0] - own))).max() for one in choices]
-            S = Status(S=0, T=None).of(robot, own).S or 0
+            S = StatusTurn(S=0, T=None).of(robot, own).S or 0
             if min(off) > CLEAR * 1e3:
                 raise refused
             found.add(tuple(choices[int(np.argmin(off))] * [1.0 - 2.0 * (S >> bit & 1) for bit in range(3)]))
@@ -277,7 +277,11 @@ MEASURING = frozenset(
 
 
 def wrap(
-    files: Sequence[File], routines: Sequence[Coded], motions: Container[Text], function: str, without: Container[str]
+    files: Sequence[KrlFile],
+    routines: Sequence[Coded],
+    motions: Container[Text],
+    function: str,
+    without: Container[str],
 ) -> Iterator[Wrapped]:
     """Some motions, each with the edits that put a function around its points.
 
@@ -312,7 +316,7 @@ def wrap(
         elsewhere.update(measured.elsewhere(step.routine))
         _expect_points(step, measured, named)
         points = [
-            Point(operand=one, parts=tuple(filter(is_stated, step.points[own])), step=step)
+            MotionPoint(operand=one, parts=tuple(filter(is_stated, step.points[own])), step=step)
             for one, own in step.operands
         ]
         if line.keyword in RELATIVE_MOTIONS:
@@ -330,7 +334,7 @@ def wrap(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Point:
+class MotionPoint:
     """A point of a motion."""
 
     operand: Operand
@@ -353,7 +357,7 @@ class Point:
         return [_type_of(part, self.step.routine, names) for part in self.parts]
 
 
-def calls_function(line: Statement, function: str) -> bool:
+def calls_function(line: KrlLine, function: str) -> bool:
     """Whether a function stands around a point of a motion."""
     names = {f"{function}{ending}".upper() for ending in ENDINGS}
     return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
@@ -391,7 +395,7 @@ def _names(point: Expression) -> Iterator[str]:
                 pass
 
 
-def _around(point: Point, names: Names, function: str) -> TextEdit:
+def _around(point: MotionPoint, names: Names, function: str) -> TextEdit:
     """A point with the function around it that serves its type.
 
     What ``:`` gives has the type of its right side, and status and turn count in PTP alone (KUKA System Software, geometric
@@ -406,7 +410,7 @@ def _around(point: Point, names: Names, function: str) -> TextEdit:
     return TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({_as_frame(point, names)})")
 
 
-def _as_frame(point: Point, names: Names) -> str:
+def _as_frame(point: MotionPoint, names: Names) -> str:
     """A point as an expression of type FRAME.
 
     Raises:
@@ -427,7 +431,7 @@ def _as_frame(point: Point, names: Names) -> str:
     return point.text if own == ["FRAME"] else f"{point.text}:$NULLFRAME"
 
 
-def _to_angle(line: MotionLine, points: Sequence[Point], names: Names, function: str) -> Iterator[TextEdit]:
+def _to_angle(line: MotionLine, points: Sequence[MotionPoint], names: Names, function: str) -> Iterator[TextEdit]:
     """An arc that ends at an angle as one to the point that is there.
 
     Raises:
@@ -440,7 +444,7 @@ def _to_angle(line: MotionLine, points: Sequence[Point], names: Names, function:
         yield TextEdit(start=start, end=end, text=f"{function}{OF_FRAME}({function}{OF_ARC}({given},{share}*({text})))")
 
 
-def _from_here(line: MotionLine, points: Sequence[Point], function: str) -> Iterator[TextEdit]:
+def _from_here(line: MotionLine, points: Sequence[MotionPoint], function: str) -> Iterator[TextEdit]:
     """A motion by a distance as one to the point that is so far from where the tool truly is.
 
     Raises:
@@ -476,7 +480,7 @@ def _own_functions(operand: Operand, names: Names) -> bool:
     return bool(called) and called <= {head.name for file in names.files for head in file.heads} | {"INV_POS"}
 
 
-def _type_of(part: Expression, routine: Routine, names: Names) -> str:
+def _type_of(part: Expression, routine: KrlRoutine, names: Names) -> str:
     """Type of a part of a point; empty where it is not known."""
     match part:
         case Ref(name=name):
@@ -490,7 +494,7 @@ def _type_of(part: Expression, routine: Routine, names: Names) -> str:
             return ""
 
 
-def _of_inline_form(point: Ref, routine: Routine) -> bool:
+def _of_inline_form(point: Ref, routine: KrlRoutine) -> bool:
     """Whether a point is one of an inline form, which declares it as E6POS; home positions are axes."""
     of_point = {line.text for line in routine.lines if isinstance(line, Assignment) and line.variable == "FDAT_ACT"}
     name = point.name
@@ -502,7 +506,7 @@ class _Measured:
     """What the program's own variables have from where the robot stood."""
 
     names: Names
-    places: dict[str, dict[Text, Routine]]
+    places: dict[str, dict[Text, KrlRoutine]]
     """By key of a variable, or name of a function: the lines that give it such a value, and their routines."""
 
     @classmethod
@@ -510,7 +514,7 @@ class _Measured:
         """What is so in some files."""
         own = [routine for file in names.files if file.module != BUILT_IN for routine in file.sections]
         out = cls(names=names, places={})
-        called: dict[str, list[Routine]] = defaultdict(list)
+        called: dict[str, list[KrlRoutine]] = defaultdict(list)
         for routine in own:
             called[routine.name].append(routine)
         before = -1
@@ -521,7 +525,7 @@ class _Measured:
                         out.places.setdefault(key, {})[routine.file.number, line.start] = routine
         return out
 
-    def says(self, key: str, routine: Routine) -> bool:
+    def says(self, key: str, routine: KrlRoutine) -> bool:
         """Whether a variable has such a value in a routine.
 
         Tools and bases that a program of its own measures count as what the data list states, as in all motions.
@@ -529,7 +533,7 @@ class _Measured:
         others = self.places.get(key, {}).values()
         return key in MEASURING or any(key not in HELD or not self.names.is_apart(routine.name, o.name) for o in others)
 
-    def elsewhere(self, routine: Routine) -> dict[Text, Wrapped]:
+    def elsewhere(self, routine: KrlRoutine) -> dict[Text, Wrapped]:
         """Where tools and bases are so in a program other than that of a routine."""
         why = "it is set from where the robot stood, in a program of its own; its value is taken as true"
         return {
@@ -539,7 +543,7 @@ class _Measured:
             if self.names.is_apart(routine.name, other.name)
         }
 
-    def _given_by(self, line: Statement, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+    def _given_by(self, line: KrlLine, routine: KrlRoutine, called: Mapping[str, Sequence[KrlRoutine]]) -> set[str]:
         """Keys of what a line gives such a value."""
         match line:
             case Assignment():
@@ -555,7 +559,7 @@ class _Measured:
             case _:
                 return set()
 
-    def _passed(self, call: Call, routine: Routine, called: Mapping[str, Sequence[Routine]]) -> set[str]:
+    def _passed(self, call: Call, routine: KrlRoutine, called: Mapping[str, Sequence[KrlRoutine]]) -> set[str]:
         """Keys of what a call gives such a value: parameters, and variables that are passed by reference."""
         out, modes = set[str](), self.names.by_value.get(call.name, ())
         for other in called.get(call.name, ()):
@@ -567,10 +571,10 @@ class _Measured:
                     out |= self._keys(words, routine)
         return out
 
-    def _any(self, words: Iterable[Word], routine: Routine) -> bool:
+    def _any(self, words: Iterable[Word], routine: KrlRoutine) -> bool:
         return any(self.says(key, routine) for key in self._keys(words, routine))
 
-    def _keys(self, words: Iterable[Word], routine: Routine) -> set[str]:
+    def _keys(self, words: Iterable[Word], routine: KrlRoutine) -> set[str]:
         """Keys of the variables of which an expression is made."""
         before = (None, *words)
         return {

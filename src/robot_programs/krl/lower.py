@@ -25,11 +25,11 @@ from robot_programs.core.form import (
     Op,
     Rec,
     Ref,
+    Routine,
     Span,
     Text,
     inside,
 )
-from robot_programs.core.form import Routine as FormRoutine
 from robot_programs.core.kit import Cursor, Word
 from robot_programs.core.program import Reason
 from robot_programs.core.values import Structure
@@ -44,9 +44,9 @@ from robot_programs.krl.data import (
     STATE,
     TOOL,
     Actions,
-    File,
+    KrlFile,
+    KrlRoutine,
     Names,
-    Routine,
     actions_of,
     calls_of,
     only_computes,
@@ -61,9 +61,9 @@ from robot_programs.krl.syntax import (
     Call,
     Control,
     Field,
+    KrlLine,
     MotionLine,
     Operand,
-    Statement,
     arguments_of,
     bit_string,
     changes_nothing,
@@ -116,10 +116,10 @@ _EK = "$BASE is set by EK in a way that is not understood; write EK(root, kinema
 
 
 @dataclass(eq=False, kw_only=True)
-class Coded(FormRoutine):
+class Coded(Routine):
     """A routine with its text."""
 
-    section: Routine
+    section: KrlRoutine
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,7 +127,7 @@ class MotionStep(Move):
     """A motion instruction."""
 
     statement: MotionLine
-    routine: Routine
+    routine: KrlRoutine
     counts: tuple[int, ...]
     """How many of the points of the form each point of the text is made of; they are joined by ``:``."""
     triggered: bool = False
@@ -149,18 +149,18 @@ class Steered(Check):
 
 
 @dataclass(eq=False, kw_only=True)
-class Lowered:
+class LoweredKrl:
     """A program in the one form."""
 
-    files: Sequence[File]
+    files: Sequence[KrlFile]
     names: Names
-    routines: dict[Routine, Coded] = field(default_factory=dict[Routine, Coded])
+    routines: dict[KrlRoutine, Coded] = field(default_factory=dict[KrlRoutine, Coded])
     """In the order of the text."""
-    stray: list[FormRoutine] = field(default_factory=list[FormRoutine])
+    stray: list[Routine] = field(default_factory=list[Routine])
     """In place of lines outside of any routine, what these set."""
-    actions: dict[Text, FormRoutine] = field(default_factory=dict[Text, FormRoutine])
+    actions: dict[Text, Routine] = field(default_factory=dict[Text, Routine])
     """What runs beside the lines, by the place where it is declared."""
-    ran_by: dict[FormRoutine, tuple[str, str]] = field(default_factory=dict[FormRoutine, tuple[str, str]])
+    ran_by: dict[Routine, tuple[str, str]] = field(default_factory=dict[Routine, tuple[str, str]])
     """What runs these, and what would end that, for messages."""
     said: dict[tuple[int, int, str], None] = field(default_factory=dict[tuple[int, int, str], None])
     """Diagnostics: number of the file, position and text."""
@@ -174,11 +174,11 @@ class Lowered:
         return own.union(*(file.read for file in self.files if not file.holds_data))
 
     @property
-    def all(self) -> tuple[FormRoutine, ...]:
+    def all(self) -> tuple[Routine, ...]:
         """All that is lowered."""
         return (*self.routines.values(), *self.stray, *self.actions.values())
 
-    def routine(self, name: str) -> tuple[FormRoutine, ...]:
+    def routine(self, name: str) -> tuple[Routine, ...]:
         """Routines of a name."""
         return tuple(self.routines[one] for one in self.names.routines.get(name, ()))
 
@@ -186,14 +186,14 @@ class Lowered:
         """Whether all routines of a name only compute a value."""
         return all(only_computes(one, self.names.routines) for one in self.names.routines[name])
 
-    def say(self, file: File, position: int, text: str) -> None:
+    def say(self, file: KrlFile, position: int, text: str) -> None:
         """Note something about a place."""
         self.said[file.number, position, text] = None
 
 
-def lowered(names: Names) -> Lowered:
+def lowered(names: Names) -> LoweredKrl:
     """A program in the one form, given what names mean in its files."""
-    files, found = names.files, Lowered(files=names.files, names=names)
+    files, found = names.files, LoweredKrl(files=names.files, names=names)
     for file in files:
         for section in file.sections:
             if section in names.routines.get(section.name, ()):
@@ -205,11 +205,11 @@ def lowered(names: Names) -> Lowered:
         for one in file.sections
         if one.head is None
     )
-    found.stray += [FormRoutine(name="", nodes=Scope(section, found).sets()) for section in outside if section.lines]
+    found.stray += [Routine(name="", nodes=RoutineScope(section, found).sets()) for section in outside if section.lines]
     actions = actions_of(names)
     for text, (section, line) in actions.declared.items():
         assert line.action is not None
-        routine = FormRoutine(name=section.name, nodes=Scope(section, found).action(line.action))
+        routine = Routine(name=section.name, nodes=RoutineScope(section, found).action(line.action))
         found.ran_by[routine] = _source(section, line)
         found.actions[text] = routine
         if text in actions.resuming.get(section.name, ()):
@@ -220,11 +220,11 @@ def lowered(names: Names) -> Lowered:
     for section, routine in found.routines.items():
         own = actions.local.get(section.name, frozenset())
         routine.disarms = frozenset(found.actions[text] for text in own)
-        routine.nodes = Scope(section, found, actions).nodes()
+        routine.nodes = RoutineScope(section, found, actions).nodes()
     return found
 
 
-def _source(section: Routine, line: Beside) -> tuple[str, str]:
+def _source(section: KrlRoutine, line: Beside) -> tuple[str, str]:
     place = section.file.source.place(line.start)
     match line.keyword, line.action:
         case "INTERRUPT", Call(name=name):
@@ -236,7 +236,7 @@ def _source(section: Routine, line: Beside) -> tuple[str, str]:
     return source, "take it out" if line.keyword == "TRIGGER" else "turn that off"
 
 
-def _header(section: Routine, names: Names, *, submits: bool) -> Coded:
+def _header(section: KrlRoutine, names: Names, *, submits: bool) -> Coded:
     keys = tuple(names.key(section, name) for name in section.parameters)
     assert section.head is not None
     return Coded(
@@ -247,7 +247,7 @@ def _header(section: Routine, names: Names, *, submits: bool) -> Coded:
     )  # fmt: skip
 
 
-class Reader(Cursor):
+class KrlReader(Cursor):
     """Expressions of KRL."""
 
     # KUKA System Software, priority of operators
@@ -256,7 +256,7 @@ class Reader(Cursor):
     }  # fmt: skip
     PREFIXES: ClassVar = {"NOT": 8, "-": 8, "+": 8}
 
-    def __init__(self, found: Sequence[Word], scope: "Scope", *, follows: bool = False, moves: bool = False):
+    def __init__(self, found: Sequence[Word], scope: "RoutineScope", *, follows: bool = False, moves: bool = False):
         """Read words of a routine.
 
         Args:
@@ -343,7 +343,7 @@ class Reader(Cursor):
             return self.scope.part(one, number)
         if one.words[0].text == "{":
             raise self.problem(f"the component {one.name} is not evaluated")
-        inner = Reader(one.words, self.scope, moves=self.moves)
+        inner = KrlReader(one.words, self.scope, moves=self.moves)
         inner.depth, before = self.depth + 1, self.height
         value = self.scope.read(inner)
         self.grow(max(before, inner.height))
@@ -364,10 +364,10 @@ class Reader(Cursor):
         return self.scope.asked(name, tuple(arguments), given, self.span(start), follows=self.follows, moves=self.moves)
 
 
-class Scope:
+class RoutineScope:
     """A routine that is lowered."""
 
-    def __init__(self, section: Routine, found: Lowered, actions: Actions | None = None):
+    def __init__(self, section: KrlRoutine, found: LoweredKrl, actions: Actions | None = None):
         """Lower a section of a file; what runs beside the lines is none where it is lowered itself."""
         self.section, self.found, self.actions = section, found, actions or Actions()
         self.file = section.file.number
@@ -377,7 +377,7 @@ class Scope:
         self.called = set[str]()
         """Routines that the line calls which is lowered, as far as its expressions do."""
 
-    def at(self, line: Statement) -> Span:
+    def at(self, line: KrlLine) -> Span:
         """Place of a line."""
         return self.file, line.start, line.end
 
@@ -397,9 +397,9 @@ class Scope:
         """The expression that some words are; a hole where they are none."""
         if not words:
             return Hole(at=(self.file, 0, 0), why="an expression ends too early")
-        return self.read(Reader(words, self, follows=follows, moves=moves))
+        return self.read(KrlReader(words, self, follows=follows, moves=moves))
 
-    def read(self, reader: Reader) -> Expression:
+    def read(self, reader: KrlReader) -> Expression:
         """All words of a reader; what they may call if they are not understood."""
         called = set(self.called)
         found = reader.whole()
@@ -413,7 +413,7 @@ class Scope:
             else found
         )
 
-    def rest(self, line: Statement, *others: Statement) -> Block:
+    def rest(self, line: KrlLine, *others: KrlLine) -> Block:
         """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise."""
         called = (name for one in (line, *others) for name in calls_of(one))
         names = [name for name in called if name in self.found.names.routines and name not in self.called]
@@ -480,7 +480,7 @@ class Scope:
             nodes = tuple(node for line in kept for node in self.single(line, loops=0))  # side by side
         return nodes
 
-    def _matters(self, line: Statement) -> bool:
+    def _matters(self, line: KrlLine) -> bool:
         """Whether a line is of any consequence for motions: not what sets a variable that nothing reads."""
         match line:
             case Assignment():
@@ -490,7 +490,7 @@ class Scope:
             case _:
                 return False
 
-    def single(self, line: Statement, *, loops: int) -> Block:
+    def single(self, line: KrlLine, *, loops: int) -> Block:
         """A line that is no block.
 
         Args:
@@ -522,7 +522,7 @@ class Scope:
         """A line that steers."""
         return Steered(at=self.at(line), conditions=conditions, statement=line)
 
-    def steps_of(self, line: Statement) -> Block:
+    def steps_of(self, line: KrlLine) -> Block:
         """An assignment, a call, a motion, or a line of what runs beside the lines."""
         self.here = self.at(line)
         match line:
@@ -569,7 +569,7 @@ class Scope:
         changes = tuple(ref for words in line.arguments for ref in self.named(words, self.at(line)))
         return (flow.Step(line=Do(at=self.at(line), changes=changes)),) if changes else ()
 
-    def action(self, line: Statement) -> Block:
+    def action(self, line: KrlLine) -> Block:
         """What runs beside the lines."""
         if not self._matters(line):
             return ()
@@ -795,7 +795,7 @@ class _Blocks:
         "LOOP": "endless",
     }
 
-    def __init__(self, lines: Sequence[Statement], scope: Scope):
+    def __init__(self, lines: Sequence[KrlLine], scope: RoutineScope):
         self.lines, self.scope, self.at = lines, scope, 0
         self.odd: Control | None = None
         """The line at which blocks do not match; None where all match."""

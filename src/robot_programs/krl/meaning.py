@@ -46,7 +46,7 @@ from robot_programs.krl.lower import (
     PASSED,
     STANDING,
     WITH,
-    Lowered,
+    LoweredKrl,
     MotionStep,
     is_stated,
 )
@@ -55,9 +55,9 @@ from robot_programs.krl.points import (
     CONSTANT,
     JOINT,
     VARIABLE,
-    Site,
-    Status,
-    Written,
+    KrlSite,
+    StatusTurn,
+    WrittenPoint,
     auxiliary,
     axes_at_end,
     completed_pose,
@@ -79,7 +79,7 @@ from robot_programs.krl.values import (
     ZERO,
     Real,
     SettableReal,
-    Stated,
+    StatedStructure,
     as_position,
     frame_of,
     framed,
@@ -162,7 +162,7 @@ class KrlMeaning(Meaning):
     PLACES: ClassVar = True
     apart = tuple(TABLES)
 
-    lowered: Lowered
+    lowered: LoweredKrl
     given_frames: Mapping[str, Frame]
     """By name in capitals: tools and bases that no data list states."""
     known: dict[Key, Any] = field(default_factory=dict[Key, Any])
@@ -628,14 +628,14 @@ class KrlMeaning(Meaning):
             external=external_axes(first, relative=relative),
             carrier=frames.carrier,
         )
-        site = Site(
+        site = KrlSite(
             file=section.file, motion=statement, written=tuple(written), leans=leans or first.kind == "$POS_ACT"
         )
         return FoundMotion(motion=move, written=site, meaning=_meaning(move, site))
 
     def _written(
         self, line: MotionStep, operand: Operand, expressions: Sequence[Expression], values: Sequence[Any]
-    ) -> Written:
+    ) -> WrittenPoint:
         """Place of the numbers of a point."""
         stated, datum, computed = list[Structure](), None, True
         for k, (expression, value) in enumerate(zip(expressions, values, strict=True)):
@@ -643,13 +643,15 @@ class KrlMeaning(Meaning):
             if isinstance(expression, Ref) and not isinstance(value, Structure):
                 raise Unresolved(f"{expression.name} is set to something that is not a position")
             stated.append(as_position(value, said))
-            if k == 0 and is_stated(expression) and isinstance(value.origin, Stated):
+            if k == 0 and is_stated(expression) and isinstance(value.origin, StatedStructure):
                 named, by = isinstance(expression, Ref), value.origin.owner
                 datum = by if named and isinstance(by, Datum) else None
                 computed = named and datum is None
-        return Written(operand=operand, stated=tuple(stated), datum=datum, file=line.routine.file, computed=computed)
+        return WrittenPoint(
+            operand=operand, stated=tuple(stated), datum=datum, file=line.routine.file, computed=computed
+        )
 
-    def _target(self, line: MotionStep, written: Written, kind: MotionKind, before: Motion | None) -> Target:
+    def _target(self, line: MotionStep, written: WrittenPoint, kind: MotionKind, before: Motion | None) -> Target:
         first, last = written.first, written.stated[-1]
         source = line.routine.file.source
         place = source.place(written.operand.start) if written.datum is None else written.datum.place
@@ -674,7 +676,7 @@ class KrlMeaning(Meaning):
             )
         # S and T count in PTP only: LIN and CIRC keep the posture in which they start
         stated = kind == "joint" and (S is not None or turn is not None)
-        return Target(name=name, T=T, q=None, posture=Status(S=S, T=turn) if stated else None, place=place)
+        return Target(name=name, T=T, q=None, posture=StatusTurn(S=S, T=turn) if stated else None, place=place)
 
 
 def _name(key: Key) -> str:
@@ -828,7 +830,7 @@ def _zone(passing: Sequence[str], kind: MotionKind, settings: Mapping[str, Any])
     return None  # from which speed or orientation on is not a place that the text gives
 
 
-def _meaning(move: Motion, site: Site) -> tuple[Any, ...]:
+def _meaning(move: Motion, site: KrlSite) -> tuple[Any, ...]:
     """Equal where motions of one line do the same, from numbers of the same places."""
     return (
         *_bits(move.end.T, move.end.q), *_bits(None if move.via is None else move.via.T, None),

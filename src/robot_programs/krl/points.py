@@ -30,7 +30,7 @@ from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.sharing import Pose
 from robot_programs.core.source import Place, Source
 from robot_programs.core.values import Lost, Origin, Structure
-from robot_programs.krl.data import Datum, File
+from robot_programs.krl.data import Datum, KrlFile
 from robot_programs.krl.syntax import MotionLine, Operand
 from robot_programs.krl.values import (
     AXES,
@@ -58,7 +58,7 @@ BORDER_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Status:
+class StatusTurn:
     """S and T of a position; either may be missing."""
 
     S: int | None
@@ -94,7 +94,7 @@ class Status:
             away = np.maximum(away, np.where(wrong < BORDER_TOLERANCE, wrong, np.pi + wrong).max(axis=1))
         return away
 
-    def of(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> "Status":
+    def of(self, robot: Robot, q: Float[np.ndarray, " joints"]) -> "StatusTurn":
         """Status and turn of a posture.
 
         What the posture does not decide stays as it is here: what is missing, bits of other meaning, bits on the border, and S
@@ -107,7 +107,7 @@ class Status:
         beyond = None if self.S is None else _beyond(robot, q[None])
         S = self.S if self.S is None or beyond is None else _with_bits(self.S, beyond[0])
         T = None if self.T is None else _with_bits(self.T, -q[:JOINTS])
-        return Status(S=S, T=T)
+        return StatusTurn(S=S, T=T)
 
 
 def _bits_miss(value: int, positive: Float[np.ndarray, "n bits"]) -> Float[np.ndarray, "n bits"]:
@@ -133,7 +133,7 @@ def _beyond(robot: Robot, q: Float[np.ndarray, "n joints"]) -> Float[np.ndarray,
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Written:
+class WrittenPoint:
     """A point of a motion as it is written."""
 
     operand: Operand
@@ -141,7 +141,7 @@ class Written:
     """What it states, and what is added to it by ``:``."""
     datum: Datum | None
     """Where it is a variable, or starts with one."""
-    file: File
+    file: KrlFile
     """Of the motion."""
     computed: bool = False
     """Code computes the first of these, so that its numbers stand nowhere in the text."""
@@ -194,12 +194,12 @@ class Written:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Site:
+class KrlSite:
     """A motion's place in the text."""
 
-    file: File
+    file: KrlFile
     motion: MotionLine
-    written: tuple[Written, ...]
+    written: tuple[WrittenPoint, ...]
     """Its points, the last of them the end."""
     leans: bool = False
     """It counts from where the motion before ends, at least in part."""
@@ -364,7 +364,7 @@ def turned(target: Target, orientation: Any, before: Motion | None) -> Target:
     return replace(target, T=se3.pose(before.end.T[:3, :3], target.T[:3, 3]))
 
 
-def distance(written: Written) -> Float[np.ndarray, "4 4"]:
+def distance(written: WrittenPoint) -> Float[np.ndarray, "4 4"]:
     """By what a motion goes on from where the one before ended.
 
     Raises:
@@ -386,7 +386,7 @@ def external_axes(point: Structure, *, relative: bool) -> tuple[float, ...]:
 
 
 def auxiliary(
-    written: Written, end: Float[np.ndarray, "4 4"], relative: bool, before: Motion | None, place: Place
+    written: WrittenPoint, end: Float[np.ndarray, "4 4"], relative: bool, before: Motion | None, place: Place
 ) -> Target:
     """The auxiliary point of an arc, which need not state an orientation."""
     place = place if written.datum is None else written.datum.place

@@ -14,13 +14,13 @@ from robot_programs.krl.data import (
     BUILT_IN,
     GIVEN,
     TABLES,
-    File,
+    KrlFile,
     Names,
     given_data,
 )
-from robot_programs.krl.lower import Lowered, MotionStep, lowered
+from robot_programs.krl.lower import LoweredKrl, MotionStep, lowered
 from robot_programs.krl.meaning import KrlMeaning
-from robot_programs.krl.points import Site
+from robot_programs.krl.points import KrlSite
 from robot_programs.krl.rewrite import KrlProgram
 from robot_programs.krl.syntax import Begin, MotionLine
 from taskcal_groundwork.errors import FileError, InputError
@@ -45,7 +45,7 @@ def read_krl(
         FileError: a file is no KRL, or none holds a program.
         InputError: a value that is given is none.
     """
-    files = tuple(File.of(i, source) for i, source in enumerate(sources))
+    files = tuple(KrlFile.of(i, source) for i, source in enumerate(sources))
     for file in files:
         if not any(isinstance(line, Begin) for line in file.statements):
             raise FileError(file.source.path, f"is not a KRL file: no {'DEFDAT' if file.holds_data else 'DEF'} line")
@@ -62,7 +62,7 @@ def read_krl(
     form = lowered(names)
     meaning = KrlMeaning(lowered=form, given_frames=given)
     found = interpreted([*form.routines.values(), *form.stray], meaning)
-    motions, sites = list[Motion](), list[Site]()
+    motions, sites = list[Motion](), list[KrlSite]()
     for move, one in known_motions(found.findings):
         motions.append(move)
         sites.append(replace(one.motion.written, before=one.before))
@@ -112,7 +112,7 @@ def _left(found: Interpreter) -> Iterator[Said]:
         yield (*line.at[:2], text, True)
 
 
-def _not_run(form: Lowered) -> Iterator[Said]:
+def _not_run(form: LoweredKrl) -> Iterator[Said]:
     """Motions in lines that belong to no routine, or to no part of one that is run."""
     run = {line.at[:2] for routine in form.routines.values() for line in lines_in(routine.nodes) if line is not None}
     for file in form.files:
@@ -131,7 +131,7 @@ def _of_motions(found: Interpreter) -> Iterator[Said]:
             yield (*line.at[:2], "a TRIGGER acts along this motion; check it if the motion is divided", False)
 
 
-def _elsewhere(found: Interpreter, form: Lowered, motions: Sequence[Motion]) -> Iterator[Said]:
+def _elsewhere(found: Interpreter, form: LoweredKrl, motions: Sequence[Motion]) -> Iterator[Said]:
     """Tools and bases that another program may change."""
     using = defaultdict[str, set[str]](set)
     for motion in motions:
@@ -156,7 +156,7 @@ def _elsewhere(found: Interpreter, form: Lowered, motions: Sequence[Motion]) -> 
                     yield *line.at[:2], text, False
 
 
-def _warned(files: Sequence[File]) -> Iterator[Said]:
+def _warned(files: Sequence[KrlFile]) -> Iterator[Said]:
     """Where the controller may correct its geometry by itself."""
     text = "the controller's own absolute accuracy may be on; a corrected program would then correct twice"
     for file in (file for file in files if "$ABS_" in file.source.text.upper()):
@@ -164,7 +164,7 @@ def _warned(files: Sequence[File]) -> Iterator[Said]:
             yield file.number, file.source.start(file.source.line(at)), text, False
 
 
-def _taken(files: Sequence[File], names: Names) -> Iterator[Diagnostic]:
+def _taken(files: Sequence[KrlFile], names: Names) -> Iterator[Diagnostic]:
     """Values that are stated once beside the files, and that several programs take."""
     beside = next((file for file in files if file.source.path == GIVEN), None)
     shared = "is stated once beside the files, and taken in {}; pass the data list of those that have their own"

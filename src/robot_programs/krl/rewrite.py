@@ -28,16 +28,16 @@ from robot_programs.core.sharing import SharingProgram, Spelling, Use, points_of
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
 from robot_programs.core.values import Origin, Structure
 from robot_programs.core.written_out import Repeated, Table, Turns
-from robot_programs.krl.data import Datum, File, Routine, calls_of
+from robot_programs.krl.data import Datum, KrlFile, KrlRoutine, calls_of
 from robot_programs.krl.helper import calls_function, wrap
 from robot_programs.krl.lower import Coded, MotionStep
-from robot_programs.krl.points import Site, Status, Written
+from robot_programs.krl.points import KrlSite, StatusTurn, WrittenPoint
 from robot_programs.krl.syntax import (
     BLOCKS,
     Assignment,
     Control,
     End,
-    Statement,
+    KrlLine,
 )
 from robot_programs.krl.values import (
     AXES,
@@ -64,7 +64,7 @@ KEYWORDS: dict[MotionKind, str] = {"joint": "PTP", "axes": "PTP", "linear": "LIN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Numbers:
+class PointNumbers:
     """What a point states, or all that a motion says which is written anew."""
 
     values: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -80,9 +80,9 @@ class KrlProgram(SharingProgram):
     REWORDS: ClassVar = True
     TABLE: ClassVar = "TASKCAL_TARGETS"
 
-    sites: tuple[Site, ...] = ()
+    sites: tuple[KrlSite, ...] = ()
     routines: tuple[Coded, ...] = ()
-    files: tuple[File, ...] = ()
+    files: tuple[KrlFile, ...] = ()
     unresolved: frozenset[Text] = frozenset()
     """Motions that are not understood on some way that leads to them."""
 
@@ -128,11 +128,11 @@ class KrlProgram(SharingProgram):
         return touched
 
     @cached_property
-    def _staying(self) -> Sequence[Sequence[Use[Numbers]]]:
+    def _staying(self) -> Sequence[Sequence[Use[PointNumbers]]]:
         """Points of each motion, without other numbers."""
         return [[*_stated(number, site)] for number, site in enumerate(self.sites)]
 
-    def _uses(self, robot: Robot, paths: Paths) -> Iterator[Use[Numbers]]:
+    def _uses(self, robot: Robot, paths: Paths) -> Iterator[Use[PointNumbers]]:
         sites, moves = self.sites, self.motions
         anew = {sites[i].text for i, path in paths.items() if sites[i].leans or path[-1].kind != moves[i].kind}
         for number, (site, move, points) in enumerate(zip(sites, moves, self._staying, strict=True)):
@@ -142,8 +142,8 @@ class KrlProgram(SharingProgram):
                 own = site.file.source.text[start:end]
                 new = own if path is None else instruction(robot, site, move, path[-1], passing=not move.stops)
                 yield Use(
-                    motion=number, text=(file, start, end), slot=None, numbers=Numbers(words=own),
-                    wanted=Numbers(words=new), counts_from=site.before,
+                    motion=number, text=(file, start, end), slot=None, numbers=PointNumbers(words=own),
+                    wanted=PointNumbers(words=new), counts_from=site.before,
                 )  # fmt: skip
             elif path is None or (move.texts_motions > 1 and move.stays(path)):
                 yield from points
@@ -281,7 +281,7 @@ def _behind_line(text: str, position: int) -> int:
     return text.find("\n", position) + 1 or len(text)
 
 
-def _labels_of(lines: Sequence[Statement]) -> dict[str, tuple[tuple[int, int], ...]] | None:
+def _labels_of(lines: Sequence[KrlLine]) -> dict[str, tuple[tuple[int, int], ...]] | None:
     """Labels and jumps to them in some lines, each with its places; None where a line leaves a loop."""
     found: dict[str, list[tuple[int, int]]] = defaultdict(list)
     for line in lines:
@@ -304,8 +304,8 @@ _TYPE = re.compile(r"^\{\s*\w+\s*:\s*")
 
 
 def _behind(
-    routine: Routine, data: File | None, declared: str, elements: list[str]
-) -> Iterator[tuple[File, int, list[str]]]:
+    routine: KrlRoutine, data: KrlFile | None, declared: str, elements: list[str]
+) -> Iterator[tuple[KrlFile, int, list[str]]]:
     """Places for the lines of an array: in the data list, or in a routine without one; none where there is none."""
     file, head = routine.file, routine.head
     if data is not None:
@@ -325,10 +325,10 @@ NUMBER_TOLERANCE = 2e-5
 """Millimetres and degrees that differ by less are written alike."""
 
 
-def _stated(number: int, site: Site) -> Iterator[Use[Numbers]]:
+def _stated(number: int, site: KrlSite) -> Iterator[Use[PointNumbers]]:
     """The points of a motion."""
     for written in site.written:
-        numbers, operand = Numbers(values=numbers_in(written.first)), written.operand
+        numbers, operand = PointNumbers(values=numbers_in(written.first)), written.operand
         posed = len(site.written) == 1 and has_any(written.first, POSE)
         yield Use(
             motion=number, text=(site.file.number, operand.start, operand.end), slot=written.slot, numbers=numbers,
@@ -337,12 +337,12 @@ def _stated(number: int, site: Site) -> Iterator[Use[Numbers]]:
         )  # fmt: skip
 
 
-def _moved(use: Use[Numbers], robot: Robot, waypoint: Waypoint) -> Use[Numbers]:
+def _moved(use: Use[PointNumbers], robot: Robot, waypoint: Waypoint) -> Use[PointNumbers]:
     """A point with what is to become of it."""
-    written: Written = use.point[0]
+    written: WrittenPoint = use.point[0]
     first, values, before = written.first, values_at(robot, written, waypoint), use.numbers.values
     own = {name: values.get(name, value) for name, value in before.items()}
-    moved = replace(use, wanted=Numbers(values=own), point=(written, waypoint))
+    moved = replace(use, wanted=PointNumbers(values=own), point=(written, waypoint))
     if len(written.stated) == 1:
         return moved
     assert waypoint.T is not None
@@ -352,10 +352,10 @@ def _moved(use: Use[Numbers], robot: Robot, waypoint: Waypoint) -> Use[Numbers]:
         status = {name: values[name] for name in STATUS if name in values}
         own |= status
         slot = slot if status.items() <= numbers_in(written.stating).items() else None
-    return replace(moved, slot=slot, wanted=Numbers(values=wanted), shifted=Numbers(values=own))
+    return replace(moved, slot=slot, wanted=PointNumbers(values=wanted), shifted=PointNumbers(values=own))
 
 
-def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, float]:
+def values_at(robot: Robot, written: WrittenPoint, waypoint: Waypoint) -> dict[str, float]:
     """Values of all components that state a waypoint in place of a point, millimetres and degrees."""
     first, T = written.first, waypoint.T
     values = axis_values(waypoint.q) if T is None else pose_values(T, first)
@@ -364,12 +364,12 @@ def values_at(robot: Robot, written: Written, waypoint: Waypoint) -> dict[str, f
     has_posture = T is not None and (has_any(written.stating, STATUS) or not has_any(first, POSE))
     if has_posture and not np.isnan(waypoint.q).any():  # else it is written again where it was
         S, turn = (whole(written.stating, name) or 0 for name in STATUS)
-        status = Status(S=S, T=turn).of(robot, waypoint.q)
+        status = StatusTurn(S=S, T=turn).of(robot, waypoint.q)
         values |= {"S": float(status.S or 0), "T": float(status.T or 0)}
     return values
 
 
-def literal(robot: Robot, written: Written, waypoint: Waypoint) -> str:
+def literal(robot: Robot, written: WrittenPoint, waypoint: Waypoint) -> str:
     """A waypoint in braces: as the point is written, if it states the same kind of position completely, in numbers."""
     first, values = written.first, values_at(robot, written, waypoint)
     names = [name for name in values if name in POSE or name in AXES]
@@ -391,7 +391,7 @@ def braces(values: Mapping[str, float | str], type_: str = "") -> str:
     return f"{{{type_ and f'{type_}: '}{','.join(parts)}}}"
 
 
-def instruction(robot: Robot, site: Site, motion: Motion, waypoint: Waypoint, *, passing: bool) -> str:
+def instruction(robot: Robot, site: KrlSite, motion: Motion, waypoint: Waypoint, *, passing: bool) -> str:
     """A motion to a waypoint, which says whatever else another one says."""
     keyword, end = KEYWORDS[waypoint.kind], site.written[-1]
     spline = site.motion.keyword.startswith("S")
@@ -412,7 +412,7 @@ def instruction(robot: Robot, site: Site, motion: Motion, waypoint: Waypoint, *,
 
 
 @dataclass(eq=False, kw_only=True)
-class KrlSpelling(Spelling[Numbers]):
+class KrlSpelling(Spelling[PointNumbers]):
     """What is written into the files."""
 
     program: KrlProgram
@@ -424,9 +424,9 @@ class KrlSpelling(Spelling[Numbers]):
         return self.program.fresh_names()
 
     @cached_property
-    def _modules(self) -> Mapping[str, Sequence[File]]:
+    def _modules(self) -> Mapping[str, Sequence[KrlFile]]:
         """Files with code, by their modules."""
-        out = defaultdict[str, list[File]](list)
+        out = defaultdict[str, list[KrlFile]](list)
         for file in self.program.files:
             out[file.module] += [] if file.holds_data else [file]
         return out
@@ -436,7 +436,7 @@ class KrlSpelling(Spelling[Numbers]):
         """Where motions name variables whose numbers can be written."""
         return {use.text[:2] for use in self.uses if use.slot is not None}
 
-    def alike(self, one: Numbers, other: Numbers) -> bool:
+    def alike(self, one: PointNumbers, other: PointNumbers) -> bool:
         """Whether numbers differ by less than is written, or motions are written with the same words."""
         a, b = one.values, other.values
         return one is other or (
@@ -457,19 +457,19 @@ class KrlSpelling(Spelling[Numbers]):
                     return self.place((file.number, at, at))
         return ""
 
-    def in_place(self, use: Use[Numbers]) -> None:
+    def in_place(self, use: Use[PointNumbers]) -> None:
         """Change each component that differs."""
         assert use.slot is not None
-        written: Written = use.point[0]
+        written: WrittenPoint = use.point[0]
         self.edits[use.slot.at[0]] += edits_for(written.first, use.wanted.values)
 
-    def own(self, use: Use[Numbers]) -> str:
+    def own(self, use: Use[PointNumbers]) -> str:
         """The point in braces, or the motion's own words."""
         return use.own.words or literal(self.robot, *use.point)
 
-    def clone(self, use: Use[Numbers]) -> str | None:
+    def clone(self, use: Use[PointNumbers]) -> str | None:
         """Put a copy of a variable behind its line, where that is for it alone."""
-        written: Written = use.point[0]
+        written: WrittenPoint = use.point[0]
         datum, values = written.datum, use.own.values
         declared = None if datum is None else datum.declaration
         if (
@@ -578,18 +578,18 @@ def _settings(number: int, motion: Motion) -> dict[str, str]:
     return out
 
 
-def _status(program: Composition, number: int) -> Status:
+def _status(program: Composition, number: int) -> StatusTurn:
     q, stated = program.posture(number), program.motions[number].end.posture
     if q is not None:
-        return Status(S=0, T=0).of(program.robot, q)
-    if isinstance(stated, Status):
+        return StatusTurn(S=0, T=0).of(program.robot, q)
+    if isinstance(stated, StatusTurn):
         return stated
     raise InputError(
         f"motion {number} drives all joints to a pose and does not say in which posture; give its joint positions"
     )
 
 
-def _point(target: Target, status: Status | None) -> str:
+def _point(target: Target, status: StatusTurn | None) -> str:
     if target.q is not None:
         return braces(axis_values(target.q))
     if target.T is None:

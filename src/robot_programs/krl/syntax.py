@@ -106,7 +106,7 @@ class Operand(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Statement:
+class KrlLine:
     """A line of no consequence, and what all lines have."""
 
     start: int
@@ -116,7 +116,7 @@ class Statement:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Begin(Statement):
+class Begin(KrlLine):
     """Start of a routine or data list."""
 
     name: str
@@ -128,7 +128,7 @@ class Begin(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class End(Statement):
+class End(KrlLine):
     """End of a routine or data list."""
 
 
@@ -145,7 +145,7 @@ class Declared:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Declaration(Statement):
+class Declaration(KrlLine):
     """Variables of one type."""
 
     type: str
@@ -155,7 +155,7 @@ class Declaration(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Assignment(Statement):
+class Assignment(KrlLine):
     """A value for a variable."""
 
     name: str
@@ -176,7 +176,7 @@ class Assignment(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MotionLine(Statement):
+class MotionLine(KrlLine):
     """A motion instruction."""
 
     keyword: str
@@ -197,7 +197,7 @@ class MotionLine(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Call(Statement):
+class Call(KrlLine):
     """A call of a routine."""
 
     name: str
@@ -211,7 +211,7 @@ class Call(Statement):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Beside(Statement):
+class Beside(KrlLine):
     """A line of an action that runs beside the lines after it: an interrupt, a TRIGGER or a cyclic analog signal."""
 
     keyword: str
@@ -222,12 +222,12 @@ class Beside(Statement):
     """Expression of the interrupt's number, empty for all; words of the analog signal."""
     shared: bool
     """Declared GLOBAL."""
-    action: Statement | None = None
+    action: KrlLine | None = None
     """The call or the assignment of DECL, TRIGGER and ANIN ON."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Control(Statement):
+class Control(KrlLine):
     """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
 
     keyword: str
@@ -371,14 +371,14 @@ _ENDS = {"END", "ENDFCT", "ENDDAT"}
 _BEGINS = {"DEF", "DEFFCT", "DEFDAT"}
 
 
-def parse(text: str, read: set[str] | None = None) -> list[Statement]:
+def parse(text: str, read: set[str] | None = None) -> list[KrlLine]:
     """The statements of a file, in order.
 
     Args:
         text: the file.
         read: names that the lines read are added here.
     """
-    statements: list[Statement] = []
+    statements: list[KrlLine] = []
     for words in lines_of_words(text):
         statements.append(_statement(words))
         if read is not None:
@@ -387,7 +387,7 @@ def parse(text: str, read: set[str] | None = None) -> list[Statement]:
     return statements
 
 
-def _statement(words: list[Word]) -> Statement:
+def _statement(words: list[Word]) -> KrlLine:
     span = {"start": words[0].start, "end": words[-1].end}
     shared = False
     while len(words) > 1 and words[0].upper in {"GLOBAL", "DECL", "CONST"}:
@@ -396,7 +396,7 @@ def _statement(words: list[Word]) -> Statement:
     first = words[0]
     keyword = first.upper
     if first.kind != "name" or keyword in _HARMLESS:
-        return Statement(**span)
+        return KrlLine(**span)
     if keyword in _BESIDE:
         return _beside(words, shared)
     if keyword in _BEGINS:
@@ -444,7 +444,7 @@ def _beside(words: list[Word], shared: bool) -> Beside:
     )
 
 
-def _action(words: list[Word]) -> Statement:
+def _action(words: list[Word]) -> KrlLine:
     """The statement after DO, without its priority; a name alone is called."""
     words = words[: next((i for i, word in enumerate(words) if i and word.upper == "PRIO"), len(words))]
     if len(words) == 1 and words[0].kind == "name":
@@ -452,11 +452,11 @@ def _action(words: list[Word]) -> Statement:
     return _statement(words)
 
 
-def _assignment(words: list[Word]) -> Statement:
+def _assignment(words: list[Word]) -> KrlLine:
     start, end = words[0].start, words[-1].end
     equals = next((i for i, word in enumerate(words) if word.text == "="), None)
     if equals is None or equals + 1 == len(words):
-        return Statement(start=start, end=end)
+        return KrlLine(start=start, end=end)
     index, component = _behind_name(words[1:equals])
     return Assignment(
         start=start,
@@ -548,7 +548,7 @@ LOOPS = {"FOR", "WHILE", "REPEAT", "LOOP"}
 # What routines are given by value, and functions that change nothing.
 
 
-def given_by_value(lines: Iterable[Statement]) -> Mapping[str, tuple[bool, ...]]:
+def given_by_value(lines: Iterable[KrlLine]) -> Mapping[str, tuple[bool, ...]]:
     """By name of a routine: which of its parameters are given by value; only where all routines of the name agree."""
     out: dict[str, tuple[bool, ...]] = {}
     for line in lines:

@@ -65,7 +65,7 @@ IN, COMPONENT, FIELD, WHOLE = "in", "component", "field", "whole"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Stated(Origin):
+class StatedStructure(Origin):
     """A structure as the text writes it, and the datum that a data list states so."""
 
     fields: Sequence[Field] = field(compare=False)
@@ -85,7 +85,7 @@ def structured(aggregate: Aggregate, file: int, *, listed: bool = False) -> Stru
         listed: whether a data list states it, in which an operator may change it.
     """
     parts: dict[Hashable, Any] = {one.name: _part(one, listed=listed) for one in aggregate.fields}
-    origin = Stated(at=(file, aggregate.start, aggregate.end), owner=None, fields=aggregate.fields)
+    origin = StatedStructure(at=(file, aggregate.start, aggregate.end), owner=None, fields=aggregate.fields)
     return Structure(kind=aggregate.type, parts=parts, origin=origin)
 
 
@@ -125,7 +125,7 @@ def as_position(value: Any, said: Callable[[str], str] | None = None) -> Structu
         raise Unresolved(reason if value.rest.told else said(reason) if said else f"what stands for its point {reason}")
     if not isinstance(value, Structure) or value.kind == ARRAY:
         raise Unresolved("what stands for its point is not a position")
-    if isinstance(value.origin, Stated):
+    if isinstance(value.origin, StatedStructure):
         return value
     parts = dict[str, Any]()
     for name, part in value.parts.items():
@@ -225,7 +225,7 @@ def numbers_in(value: Structure) -> dict[str, float]:
 
 def texts_in(value: Structure) -> dict[str, str]:
     """Components as they are written, or would be."""
-    if isinstance(value.origin, Stated):
+    if isinstance(value.origin, StatedStructure):
         return {one.name: one.text for one in value.origin.fields}
     return {str(name): str(part) for name, part in value.parts.items()}
 
@@ -270,7 +270,7 @@ def _integer(old: str, value: int) -> str:
 
 def edits_for(value: Structure, values: Mapping[str, float]) -> list[TextEdit]:
     """The edits that give components of a position in the text other values; those without a number of their own stay."""
-    assert isinstance(value.origin, Stated)
+    assert isinstance(value.origin, StatedStructure)
     out: list[TextEdit] = []
     for one in value.origin.fields:
         number = values.get(one.name, one.value)

@@ -9,8 +9,8 @@ from robot_programs.core.form import Routine
 from robot_programs.core.interpreter import Moment, Walker, interpreted
 from robot_programs.core.program import Unresolved
 from robot_programs.core.values import Structure
-from robot_programs.krl.data import File, Names
-from robot_programs.krl.lower import Scope, lowered
+from robot_programs.krl.data import KrlFile, Names
+from robot_programs.krl.lower import RoutineScope, lowered
 from robot_programs.krl.meaning import KrlMeaning
 from robot_programs.krl.syntax import lines_of_words
 from robot_programs.krl.values import ARRAY, Real, frame_of, inverse, is_whole, position, product
@@ -26,14 +26,14 @@ VALUES = {
     "MODE": "#BASE",
     "POINT": POINT,
 }
-FILES = (File.of(0, source("part.src", "DEF PART( )\nEND\n")),)
+FILES = (KrlFile.of(0, source("part.src", "DEF PART( )\nEND\n")),)
 FORM = lowered(Names(files=FILES))
 FLOW = interpreted(list(FORM.routines.values()), KrlMeaning(lowered=FORM, given_frames={}))
 
 
 def value(text):
     """Value of an expression where `VALUES` hold."""
-    expression = Scope(next(iter(FORM.routines)), FORM).expression(next(lines_of_words(text), []))
+    expression = RoutineScope(next(iter(FORM.routines)), FORM).expression(next(lines_of_words(text), []))
     return Walker(flow=FLOW, routine=Routine(name="PART"), inside=()).value(expression, Moment(variables=VALUES))
 
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from robot_programs.core.form import Lit, Ref
 from robot_programs.core.source import Source
-from robot_programs.krl.data import File, Names
+from robot_programs.krl.data import KrlFile, Names
 from robot_programs.krl.lower import MotionStep, is_stated, lowered
 from robot_programs.krl.syntax import (
     Aggregate,
@@ -33,7 +33,7 @@ def only(text: str):
 
 def points(text: str):
     """What each point of a motion is made of."""
-    form = lowered(Names(files=(File.of(0, source("part.src", f"DEF PART( )\n{text}\nEND\n")),)))
+    form = lowered(Names(files=(KrlFile.of(0, source("part.src", f"DEF PART( )\n{text}\nEND\n")),)))
     (step,) = (line for routine in form.routines.values() for line in routine.lines)
     assert isinstance(step, MotionStep)
     return [step.points[own] for _, own in step.operands]
@@ -65,7 +65,7 @@ def test_any_text_has_statements(text):
 def test_every_statement_is_in_one_section_or_bounds_it(lines):
     """Whatever the order of heads and ends, and whatever is outside of any."""
     text = "\n".join(lines)
-    file = File(number=0, source=Source.of(Path("a.src"), text.encode()), statements=tuple(parse(text)))
+    file = KrlFile(number=0, source=Source.of(Path("a.src"), text.encode()), statements=tuple(parse(text)))
     inside = [line for section in file.sections for line in section.lines]
     bounds = [line for line in file.statements if isinstance(line, Begin | End)]
     assert inside == [line for line in file.statements if not isinstance(line, Begin | End)]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 
 from robot_programs.core.program import rotation
-from robot_programs.krl.points import Status
+from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.read import read_krl
 from taskcal.errors import FileError
 from tests.laws.robots import generators
@@ -52,7 +52,7 @@ def test_a_program_of_inline_forms(newline):
         np.testing.assert_allclose(move.part.T, BASE2)
         assert not move.part_in_hand
     assert (program.motions[1].tool.name, program.motions[1].part.name) == ("TOOL_DATA[1]", "BASE_DATA[2]")
-    assert program.motions[1].end.posture == Status(S=2, T=3)
+    assert program.motions[1].end.posture == StatusTurn(S=2, T=3)
     assert program.motions[2].end.posture is None
     P2 = frame(812.512573, -120.25, 140, 178.5, 2.25, -179.125)
     np.testing.assert_allclose(program.motions[2].end.T, P2)
@@ -71,7 +71,7 @@ def test_a_program_of_a_postprocessor():
     first = program.motions[0].end
     assert first.q is not None
     np.testing.assert_allclose(np.degrees(first.q), [5, -80, 100, 0, 45, 0])
-    assert program.motions[1].end.posture == Status(S=6, T=50)
+    assert program.motions[1].end.posture == StatusTurn(S=6, T=50)
     arc = program.motions[4]
     assert arc.via is not None
     np.testing.assert_allclose(arc.via.T, frame(175, -25, 100, 180, 0, 180), atol=1e-15)

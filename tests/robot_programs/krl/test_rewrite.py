@@ -5,7 +5,7 @@ import pytest
 
 from robot_programs.core.program import Waypoint, rotation
 from robot_programs.core.source import Source
-from robot_programs.krl.points import Status
+from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.read import KrlProgram, read_krl
 from tests.robot_programs.fuzz import nearby
 from tests.robot_programs.krl.samples import ROBOT, Q, handling, milling, source
@@ -156,8 +156,8 @@ def test_joint_positions_may_take_the_place_of_a_pose():
 def test_status_and_turn_follow_the_joint_positions():
     program = body(f"{FRAMES}PTP {{X 900,Y 0,Z 800,A 0,B 90,C 0,S 18,T 'B1000010'}}")
     q = np.radians([-5.0, -70.0, 95.0, 10.0, -30.0, -20.0])
-    status = Status(S=18, T=0b1000010).of(ROBOT, q)
-    assert status == Status(S=0b10110, T=0b1110011)
+    status = StatusTurn(S=18, T=0b1000010).of(ROBOT, q)
+    assert status == StatusTurn(S=0b10110, T=0b1110011)
     assert line(program, {0: (to(0.9, "joint", q=q),)}, 4) == "PTP {X 900,Y 0,Z 800,A 0,B 90,C 0,S 22,T 'B1110011'}"
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robot_programs.core.program import Unresolved, rotation
 from robot_programs.core.values import Structure
-from robot_programs.krl.points import ACCURATE_BIT, Status
+from robot_programs.krl.points import ACCURATE_BIT, StatusTurn
 from robot_programs.krl.syntax import lines_of_words
 from robot_programs.krl.values import axes, edits_for, external, pose, pose_values, value_in
 from taskcal.robot.catalogue import load_robot
@@ -42,17 +42,17 @@ def wrist_centre(q: np.ndarray) -> np.ndarray:
 )
 def test_status_and_turn_of_postures_by_hand(q_deg, S, T):
     q = np.radians(np.array(q_deg, dtype=float))
-    assert Status(S=0, T=0).of(KR16, q) == Status(S=S, T=T)
-    assert Status(S=S, T=T).agrees(KR16, q[None]).all()
+    assert StatusTurn(S=0, T=0).of(KR16, q) == StatusTurn(S=S, T=T)
+    assert StatusTurn(S=S, T=T).agrees(KR16, q[None]).all()
     for bit in range(3):
         if abs(q[4]) > 1e-6 or bit != 2:
-            assert not Status(S=S ^ 1 << bit, T=T).agrees(KR16, q[None]).any()
+            assert not StatusTurn(S=S ^ 1 << bit, T=T).agrees(KR16, q[None]).any()
 
 
 @given(generators)
 def test_turn_is_the_signs_of_the_axes(rng):
     for q in postures(rng, 10):
-        T = Status(S=None, T=0).of(KR16, q).T
+        T = StatusTurn(S=None, T=0).of(KR16, q).T
         assert [bool(T >> i & 1) for i in range(6)] == [angle < 0 for angle in q]
 
 
@@ -62,7 +62,7 @@ def test_overhead_is_behind_axis_1(rng):
     centre = wrist_centre(q)
     # axis 1 counts clockwise from above; x of a frame that turns with it
     x = centre[:, 0] * np.cos(-q[:, 0]) + centre[:, 1] * np.sin(-q[:, 0])
-    S = np.array([Status(S=0, T=None).of(KR16, row).S for row in q])
+    S = np.array([StatusTurn(S=0, T=None).of(KR16, row).S for row in q])
     np.testing.assert_array_equal(S & 1 == 1, x < 0)
 
 
@@ -70,7 +70,7 @@ def test_overhead_is_behind_axis_1(rng):
 def test_status_elbow_bit_is_the_side_of_a_straight_arm(rng):
     """The elbow bit is axis 3 against the angle where it is straight."""
     q = postures(rng, 20)
-    S = np.array([Status(S=0, T=None).of(KR16, row).S for row in q])
+    S = np.array([StatusTurn(S=0, T=None).of(KR16, row).S for row in q])
     np.testing.assert_array_equal(S & 2 == 2, np.sin(q[:, 2] + np.arctan2(35.0, 670.0)) >= 0)
 
 
@@ -84,16 +84,16 @@ def test_the_bits_tell_the_postures_of_a_pose_apart(rng):
     mirrored[5] = q[5] - np.pi
     T = ErrorModel(KR16).poses(np.array([q, mirrored]))
     np.testing.assert_allclose(T[0], T[1], atol=1e-9)
-    first, second = (Status(S=0, T=0).of(KR16, row).S for row in (q, mirrored))
+    first, second = (StatusTurn(S=0, T=0).of(KR16, row).S for row in (q, mirrored))
     assert (first ^ second) == 0b100
     other = q.copy()
     other[2] = -q[2] - 2 * phi  # the forearm on the other side of the line through axes 2 and 3
-    assert (Status(S=0, T=0).of(KR16, other).S ^ first) & 0b010
+    assert (StatusTurn(S=0, T=0).of(KR16, other).S ^ first) & 0b010
 
 
 @given(generators, st.integers(0, 31), st.integers(0, 4095))
 def test_bits_of_other_meaning_stay(rng, S, T):
-    found = Status(S=S, T=T).of(KR16, postures(rng, 1)[0])
+    found = StatusTurn(S=S, T=T).of(KR16, postures(rng, 1)[0])
     assert found.S is not None
     assert found.T is not None
     assert found.S & ~0b111 == S & ~0b111
@@ -104,7 +104,7 @@ def test_bits_of_other_meaning_stay(rng, S, T):
 @given(generators, st.integers(0, 7), st.integers(0, 63))
 def test_a_posture_agrees_with_its_own_status_alone(rng, S, T):
     q = postures(rng, 10)
-    stated = Status(S=S, T=T)
+    stated = StatusTurn(S=S, T=T)
     own = [stated.of(KR16, row) == stated for row in q]
     np.testing.assert_array_equal(stated.agrees(KR16, q), own)
 
@@ -112,8 +112,8 @@ def test_a_posture_agrees_with_its_own_status_alone(rng, S, T):
 def test_optional_fields_are_not_required():
     """Unstated S and T agree with every configuration."""
     q = postures(np.random.default_rng(0), 5)
-    assert Status(S=None, T=None).agrees(KR16, q).all()
-    assert Status(S=None, T=None).of(KR16, q[0]) == Status(S=None, T=None)
+    assert StatusTurn(S=None, T=None).agrees(KR16, q).all()
+    assert StatusTurn(S=None, T=None).of(KR16, q[0]) == StatusTurn(S=None, T=None)
 
 
 @pytest.mark.parametrize("name", ["ur10", "barrett-wam"])
@@ -121,17 +121,17 @@ def test_status_stays_without_a_spherical_wrist(name):
     """Without a wrist of three axes through one point status stays."""
     robot = load_robot(name)
     q = np.full(len(robot.joints), -0.3)
-    assert Status(S=5, T=0).of(robot, q) == Status(S=5, T=0b111111)
-    assert Status(S=5, T=0b111111).agrees(robot, q[None]).all()
-    assert not Status(S=5, T=0b111110).agrees(robot, q[None]).any()
+    assert StatusTurn(S=5, T=0).of(robot, q) == StatusTurn(S=5, T=0b111111)
+    assert StatusTurn(S=5, T=0b111111).agrees(robot, q[None]).all()
+    assert not StatusTurn(S=5, T=0b111110).agrees(robot, q[None]).any()
 
 
 def test_bits_on_the_border_may_have_either_value():
     q = np.radians([[0.0, -90.0, 90.0, 0.0, 0.0, 0.0]])
     for T in (0b000010, 0b111010):
-        assert Status(S=None, T=T).agrees(KR16, q).all()
-        assert Status(S=None, T=T).of(KR16, q[0]).T == T
-    assert not Status(S=None, T=0b000110).agrees(KR16, q).any()
+        assert StatusTurn(S=None, T=T).agrees(KR16, q).all()
+        assert StatusTurn(S=None, T=T).of(KR16, q[0]).T == T
+    assert not StatusTurn(S=None, T=0b000110).agrees(KR16, q).any()
 
 
 @given(generators)
@@ -139,7 +139,7 @@ def test_any_arm_of_usual_build_has_a_status(rng):
     robot = robot_from(industrial(rng))
     q = np.radians([10.0, -20.0, 5.0, 10.0, 30.0, 10.0])
     flipped = q * [1, 1, 1, 1, -1, 1]
-    assert Status(S=0, T=0).of(robot, q).S ^ Status(S=0, T=0).of(robot, flipped).S == 0b100
+    assert StatusTurn(S=0, T=0).of(robot, q).S ^ StatusTurn(S=0, T=0).of(robot, flipped).S == 0b100
 
 
 degrees = st.floats(-360.0, 360.0)
