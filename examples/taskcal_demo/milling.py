@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.source import Source
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.rapid.values import quaternion_texts, real
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
@@ -192,7 +192,7 @@ class _Writer:
             x, y, z = (real(float(v), 5) for v in T[:3, 3] * 1e3)
             qx, qy, qz, qw = se3.to_quaternion(T[:3, :3])
             rotation = ",".join(quaternion_texts((qw, qx, qy, qz)))
-            configuration = Configuration.of(self.robot, q)
+            configuration = Confdata.of(self.robot, q)
             text = f"[[{x},{y},{z}],[{rotation}],{configuration},[9E9,9E9,9E9,9E9,9E9,9E9]]"
             texts.setdefault(id(cut), []).append(text)
         lines = [

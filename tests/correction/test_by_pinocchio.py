@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place, Source
 from robot_programs.languages import Composition, language_of
-from robot_programs.rapid.resolve import Configuration as RapidConfiguration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.reading import parse_program
 from taskcal.correction.cell import Cell, ExternalAxis
 from taskcal.correction.controller import simulate_controller
@@ -167,7 +167,7 @@ def text_with_axes(name, part, targets, stations, carries, robot, q):
         lines[3:3] = [f"PTP {krl_joints(q, ',E1 0')}"]
         return Source.of(Path(name), "\n".join([*lines, "END", ""]).encode())
     unit = '[FALSE,TRUE,"",' if carries == "robot" else '[FALSE,FALSE,"STN1",'
-    configuration = RapidConfiguration.of(robot, q)
+    configuration = Confdata.of(robot, q)
     lines = [
         "MODULE p",
         f"PERS tooldata t:=[TRUE,{rapid_pose(TOOL)},[1,[0,0,1],[1,0,0,0],0,0,0]];",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Frame
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from taskcal.correction.controller import TURN_SPEED_RAD_S, joint_motion, simulate_controller
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_postures
@@ -95,7 +95,7 @@ def test_nearest_posture_is_taken_as_the_controller_does(off, binds, taken, robo
     """A target whose configuration is one quadrant off: up to 45° it is accepted, and always where nothing checks it."""
     (move,) = make_moves([middle])
     own = min(find_postures(model, middle), key=lambda p: abs(p[0]))
-    stated = Configuration.of(robot, own)
+    stated = Confdata.of(robot, own)
     # the part is turned with axis 1, so that the posture stands so far beyond the quadrant that is stated
     turn = np.radians(off) + (stated.cf1 + 1) * np.pi / 2 - own[0]
     part = Frame(name="base", T=se3.pose(se3.exp(np.array([0.0, 0.0, turn])), np.zeros(3)))

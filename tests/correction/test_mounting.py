@@ -12,7 +12,7 @@ from robot_programs.core.program import Frame
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, ExternalAxis, Measured, carried_part, carried_robot, mount
 from taskcal.correction.correct import correct
@@ -69,7 +69,7 @@ def corners(shifted):
 @pytest.fixture
 def conf(corners, robot):
     """The first target's posture, as RAPID states it."""
-    return str(Configuration.of(robot, find_posture(ErrorModel(robot), corners[0])))
+    return str(Confdata.of(robot, find_posture(ErrorModel(robot), corners[0])))
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from robot_programs.core.program import Program, angles
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.tp.read import read_tp
 from taskcal.correction.correct import correct
 from taskcal.correction.options import Bounds
@@ -28,7 +28,7 @@ SLOW = "v50,fine,tMill\\WObj:=wobj0;"
 @pytest.fixture
 def rapid(shifted, robot):
     """A RAPID program with two targets, from the lines of its routines."""
-    conf = Configuration.of(robot, find_posture(ErrorModel(robot), shifted(0, 0, 0)))
+    conf = Confdata.of(robot, find_posture(ErrorModel(robot), shifted(0, 0, 0)))
 
     def build(main: str, routines: str = "") -> Program:
         targets = "".join(

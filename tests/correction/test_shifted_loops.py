@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from robot_programs.core.source import Source
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.reading import parse_program
 from taskcal.correction.correct import correct
 from taskcal.correction.options import Bounds
@@ -42,7 +42,7 @@ def rapid(robot, T, pieces):
         "second loop": "FOR i FROM 1 TO 2 DO\nMoveL RelTool(p10,0,0,-i*9),v50,fine,tMill;\nENDFOR",
     }
     lines = [
-        "MODULE m", f"CONST robtarget p10:={rapid_pose(T)[:-1]},{Configuration.of(robot, NEAR)},[9E9,9E9,9E9,9E9,9E9,9E9]];",
+        "MODULE m", f"CONST robtarget p10:={rapid_pose(T)[:-1]},{Confdata.of(robot, NEAR)},[9E9,9E9,9E9,9E9,9E9,9E9]];",
         "PERS tooldata tMill:=[TRUE,[[0,0,0],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];",
         'PERS wobjdata wPal:=[FALSE,TRUE,"",[[20,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
         *(f"PROC r{k}()\n{written[piece]}\nENDPROC" for k, piece in enumerate(pieces)), "ENDMODULE", "",

@@ -13,7 +13,7 @@ from robot_programs.core.program import Frame, Motion, Target
 from robot_programs.core.source import Place
 from robot_programs.languages import COMPOSED
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.rapid.rewrite import MAX_LINE_LENGTH
 from robot_programs.reading import compose_program, motions_to_joints, parse_program, read_program
 from taskcal.errors import FileError, TaskcalError
@@ -86,7 +86,7 @@ def test_motions_to_poses_come_back(suffix, name, turn, rng):
         arc = via if kind == "circular" else None
         motions.append(motion(kind, end, via=arc, tool=tool, part=part, speed=speed, stops=False))
     if suffix == ".mod":
-        stated = Configuration(cf1=-1, cf4=0, cf6=2, cfx=1)
+        stated = Confdata(cf1=-1, cf4=0, cf6=2, cfx=1)
         motions.append(
             motion("linear", rigid(rng), tool=tools[0], part=parts[0], speed=0.1, in_hand=True, posture=stated)
         )

@@ -16,10 +16,10 @@ from robot_programs.core.form import Ask, Assign, Check, Do, Expression, Line, M
 from robot_programs.core.helper import Dialect, HelperModule, indented, single
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import Source, TextEdit
-from robot_programs.rapid.lower import FRAMES, Lowered, Reading, Unread
+from robot_programs.rapid.lower import FRAMES, LoweredRapid, Reading, Unread
 from robot_programs.rapid.names import Procedure, Symbol, Value
 from robot_programs.rapid.parse import Argument, arguments_of
-from robot_programs.rapid.resolve import MOTION_FORMS, MotionLine, layout
+from robot_programs.rapid.resolve import MOTION_FORMS, MoveInstruction, layout
 from robot_programs.rapid.syntax import key_of
 
 RAPID = Dialect(
@@ -67,7 +67,7 @@ Measured = frozenset[Symbol | str]
 
 
 def wrap(
-    form: Lowered,
+    form: LoweredRapid,
     motions: Container[Line],
     function: str,
     without: Container[str],
@@ -88,7 +88,7 @@ def wrap(
     for routine in form.procedures:
         source = routine.file.source
         for line in routine.lines:
-            if isinstance(line, MotionLine) and line in motions and line.key in MOTION_FORMS:
+            if isinstance(line, MoveInstruction) and line in motions and line.key in MOTION_FORMS:
                 edits = _edits(line, routine, measured, function, shift, without, declared)
                 yield Wrapped.of(source.place(line.at[1]), line.name, edits)
 
@@ -100,7 +100,7 @@ def calls_function(line: Line, function: str) -> bool:
 
 
 def _edits(
-    line: MotionLine,
+    line: MoveInstruction,
     routine: Procedure,
     measured: Measured,
     function: str,
@@ -166,7 +166,7 @@ def _why_it_stops(name: str, value: Value | None) -> str:
 # Which data come from where the robot stood, whatever the order in which they are set.
 
 
-def _measured(form: Lowered) -> Measured:
+def _measured(form: LoweredRapid) -> Measured:
     made_of: dict[Symbol | str, set[Symbol | str]] = defaultdict(set)
     for routine in form.all:
         for line in routine.lines:
@@ -187,7 +187,7 @@ def _made_by(line: Line, routine: Procedure) -> Iterator[tuple[Measured, Measure
             yield frozenset({routine.name.lower()}), _read(line.conditions)
         case Do():
             yield from _passed(line)
-        case MotionLine(finds=Ref() as found):
+        case MoveInstruction(finds=Ref() as found):
             yield _data([found]), MEASURING
         case _:
             pass

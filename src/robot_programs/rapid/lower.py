@@ -25,14 +25,31 @@ from robot_programs.rapid.names import (
     SOFTENING,
     STIFFENING,
     SYSTEM_MOTION,
-    File,
+    ModuleFile,
     Procedure,
     Scope,
     Symbol,
 )
-from robot_programs.rapid.parse import ROUTINE_ENDS, Argument, Notes, NotUnderstood, Reader
-from robot_programs.rapid.resolve import CHANGED_BY, MOTION_FORMS, ONLY_EXTERNAL, Layout, MotionLine, layout
-from robot_programs.rapid.syntax import LIST, NAME, RESERVED, Declaration, Module, NotRead, Problem, RoutineText, key_of
+from robot_programs.rapid.parse import ROUTINE_ENDS, Argument, Notes, NotUnderstood, RapidReader
+from robot_programs.rapid.resolve import (
+    CHANGED_BY,
+    MOTION_FORMS,
+    ONLY_EXTERNAL,
+    MotionArguments,
+    MoveInstruction,
+    layout,
+)
+from robot_programs.rapid.syntax import (
+    LIST,
+    NAME,
+    RESERVED,
+    DataDeclaration,
+    ModuleText,
+    NotRead,
+    RoutineText,
+    SyntaxProblem,
+    key_of,
+)
 from robot_programs.rapid.values import TARGETS
 
 # Statements and their blocks.
@@ -220,7 +237,7 @@ class Unread(Do):
     """Text that is not understood."""
 
     words: tuple[Word, ...]
-    problem: Problem
+    problem: SyntaxProblem
     names: tuple[Ref, ...]
     """Data that it names."""
 
@@ -230,10 +247,10 @@ NOTED = frozenset({"confj", "confl", *SHIFTING, *OFFSETTING, SOFTENING, "singare
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Instruction:
+class NotedInstruction:
     """An instruction of which something is to be said, or a word in text that is not understood that may be one."""
 
-    file: File
+    file: ModuleFile
     word: Word
     options: frozenset[str]
     kind: str = ""
@@ -246,10 +263,10 @@ class Instruction:
 
 
 @dataclass(eq=False, kw_only=True)
-class Lowered:
+class LoweredRapid:
     """A program in the one form."""
 
-    files: Sequence[File]
+    files: Sequence[ModuleFile]
     modules: Sequence[Procedure]
     """In place of modules, what is declared in them, and what is not understood outside of routines."""
     procedures: Sequence[Procedure]
@@ -260,7 +277,7 @@ class Lowered:
     """Of arrays."""
     softens: bool
     """Whether something may let servos give way."""
-    instructions: list[Instruction] = field(default_factory=list[Instruction])
+    instructions: list[NotedInstruction] = field(default_factory=list[NotedInstruction])
     """Of which something is to be said, in the order of the text."""
 
     @property
@@ -274,7 +291,9 @@ class Lowered:
         return (symbol for one in (*self.modules, *self.procedures) for symbol in one.declared)
 
 
-def lowered(files: Mapping[File, Notes], found: Sequence[tuple[Procedure, Module | RoutineText]]) -> Lowered:
+def lowered(
+    files: Mapping[ModuleFile, Notes], found: Sequence[tuple[Procedure, ModuleText | RoutineText]]
+) -> LoweredRapid:
     """A program in the one form.
 
     Args:
@@ -285,9 +304,9 @@ def lowered(files: Mapping[File, Notes], found: Sequence[tuple[Procedure, Module
         FileError: a file holds too much.
     """
     procedures = [one for one, text in found if isinstance(text, RoutineText)]
-    modules = [one for one, text in found if isinstance(text, Module)]
+    modules = [one for one, text in found if isinstance(text, ModuleText)]
     softens = any(SOFTENING in file.source.text.lower() for file in files)
-    form = Lowered(files=tuple(files), modules=modules, procedures=procedures, softens=softens)
+    form = LoweredRapid(files=tuple(files), modules=modules, procedures=procedures, softens=softens)
     for one, text in found:
         _Lowering(one, form, files[one.file]).lower(text)
     return form
@@ -301,22 +320,22 @@ _MOVE = re.compile(
 """Motions that make up long programs, whose targets are names or lists of numbers, and the rest up to the semicolon."""
 
 
-class _Lowering(Reader):
+class _Lowering(RapidReader):
     """A module or routine, lowered to nodes."""
 
-    def __init__(self, procedure: Procedure, form: Lowered, notes: Notes) -> None:
+    def __init__(self, procedure: Procedure, form: LoweredRapid, notes: Notes) -> None:
         super().__init__(notes, procedure.file.number)
         self.procedure, self.form, self.scope = procedure, form, procedure.scope
-        self.tails: dict[tuple[str, Scope, str], MotionLine] = {}
+        self.tails: dict[tuple[str, Scope, str], MoveInstruction] = {}
         """Motions with names alone behind their targets, by instruction, scope and text there: that of most lines is alike."""
-        self.passed: Mapping[int, Declaration | NotRead] = {}
+        self.passed: Mapping[int, DataDeclaration | NotRead] = {}
         """What is declared among the statements, by its first character."""
 
-    def lower(self, text: Module | RoutineText) -> None:
+    def lower(self, text: ModuleText | RoutineText) -> None:
         """Give the routine its nodes, or the module one for each text that is not understood."""
         for symbol in self.procedure.declared:
             self._declared(symbol)
-        if isinstance(text, Module):
+        if isinstance(text, ModuleText):
             self.procedure.nodes = tuple(node for one in text.unread for node in self._not_read(*one))
             return
         self.jump(text.body_at)
@@ -504,7 +523,9 @@ class _Lowering(Reader):
                 self.take()
                 name = self.name()
                 self.expect(">")
-                problem = Problem(position=name.start, text=f"'<{name.text}>' stands for what is still to be written")
+                problem = SyntaxProblem(
+                    position=name.start, text=f"'<{name.text}>' stands for what is still to be written"
+                )
                 return self._not_read(first.start, self.end, problem)
             case _:
                 line = self._alike()
@@ -516,7 +537,7 @@ class _Lowering(Reader):
             return [flow.Label(line=Labelled(at=self.span(first.start), moves=True), name=key_of(first))]
         return list(self._simple())
 
-    def _not_read(self, start: int, end: int, problem: Problem) -> Sequence[Node]:
+    def _not_read(self, start: int, end: int, problem: SyntaxProblem) -> Sequence[Node]:
         """Text that is not understood: what it may change, and which routines it may call."""
         found = self.notes.passed_over(start, end, problem)
         given_to: list[str] = []
@@ -544,7 +565,7 @@ class _Lowering(Reader):
         for word, key in zip(names, keys, strict=True):
             routines |= dict.fromkeys(self.scope.routines.get(key, ()) if self.procedure.kind else ())
             if key in NOTED:
-                self.form.instructions.append(Instruction(file=self.procedure.file, word=word, options=options))
+                self.form.instructions.append(NotedInstruction(file=self.procedure.file, word=word, options=options))
         line = Unread(
             at=(self.file, start, end), routines=tuple(routines), arguments=tuple(asks),
             changes=tuple(changes), moves=True, words=found, problem=problem, names=tuple(named),
@@ -659,7 +680,7 @@ class _Lowering(Reader):
         kind = "late" if key in LATE and own is None else "strange" if is_strange(key, self.scope) else ""
         if kind or key in NOTED:
             file = self.procedure.file
-            self.form.instructions.append(Instruction(file=file, word=name, options=options, kind=kind))
+            self.form.instructions.append(NotedInstruction(file=file, word=name, options=options, kind=kind))
         if own is not None:
             sure = not own[0].local or own[0].scope.module is self.scope.module
             yield Step(
@@ -730,7 +751,7 @@ class _Lowering(Reader):
             for argument in arguments
         )  # fmt: skip
 
-    def _alike(self) -> MotionLine | None:
+    def _alike(self) -> MoveInstruction | None:
         """Read a motion that says what another one does, but for its targets; None where it is something else."""
         start = self.place
         found = _MOVE.match(self.text, start)
@@ -745,7 +766,7 @@ class _Lowering(Reader):
         if via is not None:
             points = (self._plain_target(*found.span("via"), type_), *points)
         self.jump(found.end())
-        return MotionLine(
+        return MoveInstruction(
             at=(self.file, start, found.end()), points=points, settings=like.settings, ends=like.ends, name=name,
             options=like.options, routine=like.routine, scope=self.scope, shared=True,
         )  # fmt: skip
@@ -761,9 +782,9 @@ class _Lowering(Reader):
 
     def _unread_motion(
         self, name: Word, arguments: Sequence[Argument], options: frozenset[str], why: str, given: Sequence[Expression]
-    ) -> MotionLine:
+    ) -> MoveInstruction:
         settings = {str(k): one for k, one in enumerate(given)}
-        return MotionLine(
+        return MoveInstruction(
             at=self.span(name.start), settings=settings, why=why, ends=False, name=name.text, options=options,
             routine=self.procedure.name, scope=self.scope, finds=self._finds(name, arguments),
         )  # fmt: skip
@@ -774,7 +795,7 @@ class _Lowering(Reader):
             return None
         return self._ref(required[1].name, required[1].value)
 
-    def _motion(self, name: Word, arguments: Sequence[Argument], options: frozenset[str]) -> MotionLine:
+    def _motion(self, name: Word, arguments: Sequence[Argument], options: frozenset[str]) -> MoveInstruction:
         key, at = key_of(name), self.span(name.start)
         form = MOTION_FORMS[key]
         try:
@@ -785,7 +806,7 @@ class _Lowering(Reader):
         points = tuple(self._target(one, form.target) for one in (where.via, where.to) if one is not None)
         settings, found = self._settings(where, arguments), _MOVE.match(self.text, name.start)
         shared = found is not None and found.end("to") == where.to.end and self._is_plain(where, arguments)
-        line = MotionLine(
+        line = MoveInstruction(
             at=at, points=points, settings=settings, ends=form.ends_there, name=name.text, options=options,
             routine=self.procedure.name, scope=self.scope, shared=shared, finds=self._finds(name, arguments),
         )  # fmt: skip
@@ -793,7 +814,7 @@ class _Lowering(Reader):
             self.tails[key, self.scope, self.text[where.to.end : at[2]]] = line
         return line
 
-    def _is_plain(self, where: Layout, arguments: Sequence[Argument]) -> bool:
+    def _is_plain(self, where: MotionArguments, arguments: Sequence[Argument]) -> bool:
         """Whether all behind the targets is names, of data that neither are nor hold targets."""
         behind = arguments[1 + (where.via is not None) :]
         return all(
@@ -818,7 +839,7 @@ class _Lowering(Reader):
                 pass
         return Hole(at=argument.value.at, why=f"the target is not a {type_}")
 
-    def _settings(self, where: Layout, arguments: Iterable[Argument]) -> dict[str, Expression]:
+    def _settings(self, where: MotionArguments, arguments: Iterable[Argument]) -> dict[str, Expression]:
         """On what a motion depends beside its targets."""
         options = where.options
         found, part = {"tool": self._frame(where.tool, "tool", "tooldata")}, options.get("wobj")
@@ -855,7 +876,7 @@ class _Lowering(Reader):
 
 def _compact(node: Node) -> Node:
     """A node of the statement of an IF without THEN."""
-    is_motion = isinstance(node, Step) and isinstance(node.line, MotionLine)
+    is_motion = isinstance(node, Step) and isinstance(node.line, MoveInstruction)
     return Step(line=replace(node.line, compact=True)) if is_motion else node
 
 

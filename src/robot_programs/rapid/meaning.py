@@ -26,14 +26,14 @@ from robot_programs.core.form import (
 from robot_programs.core.interpreter import FoundMotion, Interpreter, Meaning, Path
 from robot_programs.core.program import THROUGH_TARGET, Reason, Unresolved, Zone
 from robot_programs.core.values import Lost, Settable, Structure, operated
-from robot_programs.rapid.lower import SOFT, Instructed, Lowered, Unread
-from robot_programs.rapid.names import DATA, LATE, File, Symbol, Value
+from robot_programs.rapid.lower import SOFT, Instructed, LoweredRapid, Unread
+from robot_programs.rapid.names import DATA, LATE, ModuleFile, Symbol, Value
 from robot_programs.rapid.resolve import (
     MOTION_FORMS,
     Manner,
-    MotionLine,
+    MoveInstruction,
+    RapidSite,
     Settings,
-    Site,
     TargetArgument,
     TargetType,
     in_base,
@@ -49,7 +49,7 @@ from robot_programs.rapid.values import (
     TARGETS,
     Listed,
     PassedArgument,
-    Traced,
+    TracedOrigin,
     frames_of,
     plain,
     plain_once,
@@ -86,10 +86,10 @@ class RapidMeaning(Meaning):
     PASSES: ClassVar = MAX_PASSES
     SET: ClassVar = "is assigned to, so its value is not known"
 
-    files: Sequence[File]
-    lowered: Lowered
+    files: Sequence[ModuleFile]
+    lowered: LoweredRapid
     settings: Settings
-    soft: dict[MotionLine, None] = field(default_factory=dict[MotionLine, None])
+    soft: dict[MoveInstruction, None] = field(default_factory=dict[MoveInstruction, None])
     """Motions in which a servo may give way."""
     known: dict[Key, Any] = field(default_factory=dict[Key, Any])
     """What is declared, made once."""
@@ -138,8 +138,8 @@ class RapidMeaning(Meaning):
             return _alone(value, persistent=persistent)
         origin, parts = value.origin, value.parts
         constant = symbol.declaration is not None and symbol.declaration.storage == "const"
-        named = isinstance(origin, Traced) and constant and is_constant(origin.owner) and not origin.path
-        if named and type_ in TARGETS and isinstance(origin, Traced) and origin.symbol.type == type_:
+        named = isinstance(origin, TracedOrigin) and constant and is_constant(origin.owner) and not origin.path
+        if named and type_ in TARGETS and isinstance(origin, TracedOrigin) and origin.symbol.type == type_:
             return value  # declared by the name of another one
         types = symbol.scope.types if symbol.scope is not None else {}
         if isinstance(parts, Listed) or (type_ in NAMED and not dimensions):
@@ -151,9 +151,11 @@ class RapidMeaning(Meaning):
                 if isinstance(part, Structure) or persistent else part
                 for at, part in parts.items()
             }  # fmt: skip
-        literal = origin.literal if isinstance(origin, Traced) and origin.owner is None else None
+        literal = origin.literal if isinstance(origin, TracedOrigin) and origin.owner is None else None
         at = (0, 0, 0) if origin is None else origin.at
-        return replace(value, parts=parts, origin=Traced(at=at, owner=symbol, path=path, name=name, literal=literal))
+        return replace(
+            value, parts=parts, origin=TracedOrigin(at=at, owner=symbol, path=path, name=name, literal=literal)
+        )
 
     def stated(self, ref: Ref) -> Path:
         """Places of the parts of parts to which a path leads, as far as its indices are numbers."""
@@ -264,8 +266,8 @@ class RapidMeaning(Meaning):
         if not isinstance(value, Structure) or value.origin is None:
             return value
         origin = value.origin
-        name = origin.name if isinstance(origin, Traced) else ""
-        return replace(value, origin=Traced(at=(0, 0, 0), owner=None, name=name, assigned=True) if name else None)
+        name = origin.name if isinstance(origin, TracedOrigin) else ""
+        return replace(value, origin=TracedOrigin(at=(0, 0, 0), owner=None, name=name, assigned=True) if name else None)
 
     def given(self, ask: Do | Ask, argument: Expression, parameter: Key, value: Any) -> Any:
         """What a parameter holds, with how it was given that."""
@@ -275,15 +277,17 @@ class RapidMeaning(Meaning):
             if not self.computes(argument):
                 return replace(value, origin=None)
             literal = (
-                value.origin.literal if isinstance(value.origin, Traced) and isinstance(argument, Lit | Rec) else None
+                value.origin.literal
+                if isinstance(value.origin, TracedOrigin) and isinstance(argument, Lit | Rec)
+                else None
             )
             passed = PassedArgument(argument=argument.at, parameters=(parameter,))
-            return replace(value, origin=Traced(at=argument.at, owner=None, literal=literal, passed=passed))
+            return replace(value, origin=TracedOrigin(at=argument.at, owner=None, literal=literal, passed=passed))
         return self._handed(value, argument, parameter)
 
     def _handed(self, value: Structure, argument: Ref, parameter: Symbol) -> Structure:
         origin = value.origin
-        if isinstance(origin, Traced) and not origin.assigned:
+        if isinstance(origin, TracedOrigin) and not origin.assigned:
             passed = origin.passed
             if passed is None:
                 passed = PassedArgument(argument=argument.at, parameters=(parameter,))
@@ -324,7 +328,7 @@ class RapidMeaning(Meaning):
         options = dict(zip(ask.options, map(plain, values[count:]), strict=True))
         found = structured(COMPUTED[key]([plain(value) for value in values[:count]], options))
         if key in _SHIFTS and isinstance(found, Structure) and isinstance(values[0], Structure):
-            return replace(found, origin=Traced(at=ask.at, owner=None, base=values[0]))
+            return replace(found, origin=TracedOrigin(at=ask.at, owner=None, base=values[0]))
         return found
 
     def computes(self, expression: Expression) -> bool:
@@ -367,7 +371,7 @@ class RapidMeaning(Meaning):
 
     def motion(self, line: Any, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
         """The motion of an instruction."""
-        assert isinstance(line, MotionLine)
+        assert isinstance(line, MoveInstruction)
         if self._is_shifted(line):
             raise Unresolved(self.settings.shift)
         for point in line.points:
@@ -386,20 +390,20 @@ class RapidMeaning(Meaning):
         if self.softens and settings.get("soft") is not False:
             self.soft[line] = None
         by = via[0] if via else None
-        found = Site(line=line, file=self.files[line.at[0]], end=end, via=by, manner=manner)
+        found = RapidSite(line=line, file=self.files[line.at[0]], end=end, via=by, manner=manner)
         meaning = (*_meaning(end), *(_meaning(by) if by else ()), manner.meaning)
         return FoundMotion(motion=None, written=found, meaning=meaning)
 
-    def _is_shifted(self, line: MotionLine) -> bool:
+    def _is_shifted(self, line: MoveInstruction) -> bool:
         return bool(self.settings.shift) and MOTION_FORMS[line.key].kind != "axes"
 
-    def _targets(self, line: MotionLine, points: Sequence[Any], type_: TargetType) -> list[TargetArgument]:
+    def _targets(self, line: MoveInstruction, points: Sequence[Any], type_: TargetType) -> list[TargetArgument]:
         return [self._target(one, value, type_, one) for one, value in zip(line.points, points, strict=True)]
 
     def _target(self, point: Expression, value: Any, type_: TargetType, argument: Expression) -> TargetArgument:
         """A target: data, what Offs or RelTool shifts, or what stands in the argument."""
         origin = value.origin if isinstance(value, Structure) else None
-        traced = origin if isinstance(origin, Traced) and not origin.assigned else None
+        traced = origin if isinstance(origin, TracedOrigin) and not origin.assigned else None
         what, named = "the target", point if isinstance(point, Ref) else None
         if isinstance(point, Ask):
             if not point.routines and point.name.lower() in _SHIFTS and traced is not None and type_ == "robtarget":
@@ -426,7 +430,7 @@ class RapidMeaning(Meaning):
             meant=meant, external=external,
         )  # fmt: skip
 
-    def _shifted(self, point: Ask, value: Any, traced: Traced, argument: Expression) -> TargetArgument:
+    def _shifted(self, point: Ask, value: Any, traced: TracedOrigin, argument: Expression) -> TargetArgument:
         base = self._target(point.arguments[0], traced.base, "robtarget", argument)
         inner, file = base, self.files[argument.at[0]]
         if inner.passed is not None:
@@ -438,7 +442,7 @@ class RapidMeaning(Meaning):
             read_at=point.arguments[0].at[1],
         )  # fmt: skip
 
-    def _manner(self, line: MotionLine, settings: Mapping[str, Any]) -> Manner:
+    def _manner(self, line: MoveInstruction, settings: Mapping[str, Any]) -> Manner:
         """How a motion moves.
 
         Raises:
@@ -467,7 +471,7 @@ class RapidMeaning(Meaning):
         self.settings.manners[key] = manner, (line.settings, settings)  # which keep what the key names
         return manner
 
-    def _frames(self, line: MotionLine, settings: Mapping[str, Any]) -> list[tuple[str, Value]]:
+    def _frames(self, line: MoveInstruction, settings: Mapping[str, Any]) -> list[tuple[str, Value]]:
         """Names and values of the tool and the work object."""
         found, unknown = list[tuple[str, Value]](), list[Unresolved]()
         for name in ("tool", "wobj"):
@@ -493,7 +497,7 @@ class RapidMeaning(Meaning):
         own = self._told(own, named)
         origin = value.origin if isinstance(value, Structure) else None
         file, start, end = named.at
-        if not isinstance(origin, Traced):
+        if not isinstance(origin, TracedOrigin):
             return named.name.strip("'"), own
         if origin.owner is not None and origin.passed is None:
             return self.files[file].source.text[start:end], own
@@ -505,7 +509,7 @@ class RapidMeaning(Meaning):
             return Lost(reason=self.lost(ref, ref.name, value.reason))
         return tuple(self._told(part, ref) for part in value) if isinstance(value, tuple) else value
 
-    def _zone(self, line: MotionLine, settings: Mapping[str, Any]) -> tuple[bool, Zone | None]:
+    def _zone(self, line: MoveInstruction, settings: Mapping[str, Any]) -> tuple[bool, Zone | None]:
         if "inpos" in line.options or "zone" not in line.settings:
             return True, THROUGH_TARGET
         stated, value = line.settings["zone"], settings["zone"]
@@ -602,7 +606,7 @@ def _blank(type_: str, types: Types, leaf: Callable[[str], Any], depth: int = 0)
 class Reference:
     """A reference to data, with what it covers."""
 
-    file: File
+    file: ModuleFile
     start: int
     """First character of the reference."""
     path: tuple[int, ...] | None
@@ -630,7 +634,7 @@ def uses(meaning: RapidMeaning) -> Mapping[Symbol, tuple[Reference, ...]]:
     return _through_names(uses_of, lowered)
 
 
-def _all_of(lowered: Lowered) -> Iterator[Ref]:
+def _all_of(lowered: LoweredRapid) -> Iterator[Ref]:
     for value in lowered.values.values():
         yield from _refs(value)
     for routine in lowered.all:
@@ -641,7 +645,7 @@ def _all_of(lowered: Lowered) -> Iterator[Ref]:
 def refs_in(line: Line) -> Iterator[Ref]:
     """Data that a line names, each place once."""
     whole: Sequence[Expression] = expressions(line)
-    if isinstance(line, MotionLine) and line.shared:
+    if isinstance(line, MoveInstruction) and line.shared:
         whole = line.points
     found = [ref for one in whole for ref in _refs(one)]
     more = [
@@ -683,7 +687,7 @@ MAX_NAMES = 10
 
 
 def _through_names(
-    uses_of: Mapping[Symbol, Sequence[Reference]], lowered: Lowered
+    uses_of: Mapping[Symbol, Sequence[Reference]], lowered: LoweredRapid
 ) -> Mapping[Symbol, tuple[Reference, ...]]:
     """References to data, those to constants that are declared by names of targets counted for these targets."""
     named = {

@@ -10,7 +10,7 @@ from robot_programs.core.kit import Word
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
 from robot_programs.core.values import Lost
-from robot_programs.rapid.syntax import Declaration, Module, Parameter, RoutineText, key_of
+from robot_programs.rapid.syntax import DataDeclaration, ModuleText, RoutineParameter, RoutineText, key_of
 
 # What every RAPID program can use without declaring it: types, data, instructions and functions.
 #
@@ -160,7 +160,7 @@ FUNCTIONS = frozenset(_FUNCTIONS.split())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class File:
+class ModuleFile:
     """A file with modules."""
 
     source: Source
@@ -175,9 +175,9 @@ class Symbol:
     name: str
     type: str
     """In lower case."""
-    declaration: Declaration | None = None
+    declaration: DataDeclaration | None = None
     """None for what is not declared as data in the files."""
-    file: File | None = None
+    file: ModuleFile | None = None
     scope: "Scope | None" = None
     """Where its value is to be read."""
     value: Value | None = None
@@ -251,11 +251,11 @@ def _predefined(name: str, key: str) -> Symbol | None:
 class Procedure(Routine):
     """A routine with its text, or what stands in a module outside of routines."""
 
-    file: File
+    file: ModuleFile
     scope: Scope
     declared: tuple[Symbol, ...] = ()
     """Data declared right here."""
-    given: Sequence[Parameter] = ()
+    given: Sequence[RoutineParameter] = ()
     """What it is given, as it says itself."""
     kind: str = ""
     """``proc``, ``func`` or ``trap``; empty of a module."""
@@ -272,8 +272,8 @@ class Procedure(Routine):
 
 
 def procedures(
-    texts: Mapping[File, Sequence[Module]], given: Iterable[Symbol] = ()
-) -> Sequence[tuple[Procedure, Module | RoutineText]]:
+    texts: Mapping[ModuleFile, Sequence[ModuleText]], given: Iterable[Symbol] = ()
+) -> Sequence[tuple[Procedure, ModuleText | RoutineText]]:
     """Every module and every routine of the files, in the order of the text, with its names and its text.
 
     Args:
@@ -283,7 +283,7 @@ def procedures(
     shared: dict[str, list[Symbol]] = {}
     types = dict(TYPES)
     routines: dict[str, tuple[Procedure, ...]] = {}
-    found: list[tuple[Procedure, Module | RoutineText]] = []
+    found: list[tuple[Procedure, ModuleText | RoutineText]] = []
     for file, modules in texts.items():
         for module in modules:
             own: dict[str, list[Symbol]] = {}
@@ -308,14 +308,14 @@ def procedures(
     return found
 
 
-def _procedure(text: RoutineText, file: File, outer: Scope) -> Procedure:
+def _procedure(text: RoutineText, file: ModuleFile, outer: Scope) -> Procedure:
     own: dict[str, list[Symbol]] = {}
     scope, name = replace(outer, own=own), text.name.text
     for one in text.parameters:
         why = f"'{one.name.text}' is a parameter of the routine '{name}'"
         own[key_of(one.name)] = [Symbol(name=one.name.text, type=one.type, obstacle=why, parameter_of=name.lower())]
     parameters = [(own[key_of(one.name)][0], one.changed) for one in text.parameters]
-    declarations = (one for one in text.passed if isinstance(one, Declaration))
+    declarations = (one for one in text.passed if isinstance(one, DataDeclaration))
     declared = tuple(_declared(declarations, file, scope))
     for symbol in declared:
         own.setdefault(symbol.name.lower(), []).append(symbol)
@@ -328,7 +328,7 @@ def _procedure(text: RoutineText, file: File, outer: Scope) -> Procedure:
     )  # fmt: skip
 
 
-def _declared(declarations: Iterable[Declaration], file: File, scope: Scope) -> Iterator[Symbol]:
+def _declared(declarations: Iterable[DataDeclaration], file: ModuleFile, scope: Scope) -> Iterator[Symbol]:
     for declaration in declarations:
         yield Symbol(
             name=declaration.name.text, type=key_of(declaration.type), declaration=declaration, file=file, scope=scope,

@@ -16,19 +16,19 @@ from robot_programs.rapid.syntax import (
     LIST,
     NAME,
     RESERVED,
-    Declaration,
-    Module,
+    AggregateText,
+    DataDeclaration,
+    ModuleText,
     NotRead,
-    Parameter,
-    Problem,
+    RoutineParameter,
     RoutineText,
-    Written,
+    SyntaxProblem,
     behind_header,
     key_of,
     number,
     words,
 )
-from robot_programs.rapid.values import Listed, Traced, plain, structured
+from robot_programs.rapid.values import Listed, TracedOrigin, plain, structured
 from taskcal_groundwork.errors import FileError
 
 # What is not understood of a file, and how much it may hold.
@@ -53,7 +53,7 @@ class NotUnderstood(Unresolved):
     """The words at a place cannot be read."""
 
     def __init__(self, position: int, text: str):
-        self.problem = Problem(position=position, text=text)
+        self.problem = SyntaxProblem(position=position, text=text)
         super().__init__(text)
 
 
@@ -61,7 +61,7 @@ class Notes:
     """What is not understood of a file, and how much was read of it."""
 
     def __init__(self, source: Source) -> None:
-        self.source, self.problems = source, list[Problem]()
+        self.source, self.problems = source, list[SyntaxProblem]()
         self.counted = dict.fromkeys(LIMITS, 0)
 
     def count(self, what: str, position: int) -> None:
@@ -79,7 +79,7 @@ class Notes:
         limit, text = LIMITS[what]
         return FileError(self.source.path, text.format(limit, example), line=self.source.line(position))
 
-    def note(self, problem: Problem) -> None:
+    def note(self, problem: SyntaxProblem) -> None:
         """Record text that cannot be parsed.
 
         Raises:
@@ -89,11 +89,11 @@ class Notes:
             raise self._not_understood("problems", self.problems)
         self.problems.append(problem)
 
-    def _not_understood(self, what: str, problems: Iterable[Problem]) -> FileError:
+    def _not_understood(self, what: str, problems: Iterable[SyntaxProblem]) -> FileError:
         first = min(problems, key=lambda problem: problem.position)
         return self.too_much(what, first.position, first.text)
 
-    def passed_over(self, start: int, end: int, problem: Problem) -> tuple[Word, ...]:
+    def passed_over(self, start: int, end: int, problem: SyntaxProblem) -> tuple[Word, ...]:
         """Words of text that is not understood.
 
         Raises:
@@ -128,7 +128,7 @@ class Argument:
     """Of such data, as far as it is known, in lower case."""
 
 
-class Reader(Cursor):
+class RapidReader(Cursor):
     """Reads expressions from the words of a file, which are looked for one after the other, so that they are never all in memory.
 
     Names stand for themselves; where they have a meaning, that is said by `datum` and `asked`.
@@ -210,11 +210,11 @@ class Reader(Cursor):
             raise self.problem("a name is missing before")
         return self.take()
 
-    def note(self, position: int, text: str) -> Problem:
+    def note(self, position: int, text: str) -> SyntaxProblem:
         """Record what cannot be parsed."""
         return self.noted(NotUnderstood(position, text))
 
-    def noted(self, error: NotUnderstood) -> Problem:
+    def noted(self, error: NotUnderstood) -> SyntaxProblem:
         """Record an error."""
         self.notes.note(error.problem)
         return error.problem
@@ -291,8 +291,8 @@ class Reader(Cursor):
 
     def literal(self, start: int, end: int) -> Lit:
         """A list of nothing but numbers."""
-        at, written = (self.file, start, end), Written(text=self.text, start=start, end=end)
-        origin = Traced(at=at, owner=None, literal=written)
+        at, written = (self.file, start, end), AggregateText(text=self.text, start=start, end=end)
+        origin = TracedOrigin(at=at, owner=None, literal=written)
         return Lit(at=at, value=Structure(kind="", parts=Listed(written), origin=origin))
 
     def _bracketed(self) -> Expression:
@@ -303,8 +303,8 @@ class Reader(Cursor):
             at = self.span(start)
             if all(one.at[1] == place and _is_written(one) for place, one in zip(places, items, strict=True)):
                 values = tuple(plain(one.value) for one in items if isinstance(one, Lit))
-                written = Written(text=self.text, start=start, end=self.end, is_literal=False)
-                origin = Traced(at=at, owner=None, literal=written)
+                written = AggregateText(text=self.text, start=start, end=self.end, is_literal=False)
+                origin = TracedOrigin(at=at, owner=None, literal=written)
                 return Lit(at=at, value=Structure(kind="", parts=structured(values).parts, origin=origin))
             return Rec(at=at, parts=dict(enumerate(items)))
         if self.accept("("):
@@ -415,7 +415,7 @@ def _is_written(one: Expression) -> bool:
 
 def arguments_of(source: Source, start: int) -> list[Argument]:
     """The arguments of the instruction that begins at a place, names without a meaning."""
-    reader = Reader(Notes(source))
+    reader = RapidReader(Notes(source))
     reader.jump(start)
     reader.take()
     return reader.arguments(";")
@@ -440,7 +440,7 @@ _PLAIN = re.compile(
 """A declaration of data that are a list of nothing but numbers."""
 
 
-def parse(notes: Notes) -> tuple[Module, ...]:
+def parse(notes: Notes) -> tuple[ModuleText, ...]:
     """The modules of a file; what is not understood is noted.
 
     Raises:
@@ -449,13 +449,13 @@ def parse(notes: Notes) -> tuple[Module, ...]:
     return _Parser(notes).modules()
 
 
-class _Parser(Reader):
+class _Parser(RapidReader):
     """Modules, their declarations and the heads of their routines."""
 
     # Modules.
 
-    def modules(self) -> tuple[Module, ...]:
-        modules: list[Module] = []
+    def modules(self) -> tuple[ModuleText, ...]:
+        modules: list[ModuleText] = []
         strays = 0
         while not self.done:
             self.begin()
@@ -468,10 +468,10 @@ class _Parser(Reader):
                 self.take()
         return tuple(modules)
 
-    def _module(self) -> Module:
+    def _module(self) -> ModuleText:
         start = self.take().start
         self.notes.count("routines", start)
-        module = Module(start=start, name=self._module_name())
+        module = ModuleText(start=start, name=self._module_name())
         if self.accept("("):
             while not self.done and not self.accept(")"):
                 self.take()
@@ -491,7 +491,7 @@ class _Parser(Reader):
         module.end = self.end
         return module
 
-    def _part(self, module: Module, first: int) -> None:
+    def _part(self, module: ModuleText, first: int) -> None:
         match self.after_scope():
             case key if key in STORAGE:
                 module.declarations.append(self._declaration())
@@ -510,7 +510,7 @@ class _Parser(Reader):
         except NotUnderstood as problem:
             return Word("name", "", self.noted(problem).position)
 
-    def _record(self, module: Module) -> None:
+    def _record(self, module: ModuleText) -> None:
         self.accept("LOCAL")
         self.expect("RECORD")
         name = self.name()
@@ -521,7 +521,7 @@ class _Parser(Reader):
             components.append((key_of(component), key_of(type_)))
         module.records[key_of(name)] = tuple(components)
 
-    def _declaration(self) -> Declaration:
+    def _declaration(self) -> DataDeclaration:
         start = self.place
         local = self.accept("LOCAL")
         self.accept("TASK")
@@ -544,17 +544,17 @@ class _Parser(Reader):
             if self.names == names and isinstance(value, Lit) and value.at[1] == value_at:
                 literal = value
         self.expect(";")
-        return Declaration(
+        return DataDeclaration(
             start=start, end=self.end, storage=storage, local=local, type=type_, name=name, dimensions=dimensions,
             sizes_at=sizes_at, value_at=value_at, literal=literal,
         )  # fmt: skip
 
-    def _plain_declaration(self, start: int, local: bool, found: re.Match[str]) -> Declaration:
+    def _plain_declaration(self, start: int, local: bool, found: re.Match[str]) -> DataDeclaration:
         """A declaration of a list of nothing but numbers, not word by word."""
         self.notes.count("values", start)
         self.jump(found.end())
         type_, name = (Word("name", sys.intern(found[one]), found.start(one)) for one in ("type", "name"))
-        return Declaration(
+        return DataDeclaration(
             start=start, end=found.end(), storage=found["storage"].lower(), local=local, type=type_, name=name,
             value_at=found.start("list"), literal=self.literal(*found.span("list")),
         )  # fmt: skip
@@ -578,7 +578,7 @@ class _Parser(Reader):
             passed=passed, body_at=body_at,
         )  # fmt: skip
 
-    def _parameters(self) -> Iterator[Parameter]:
+    def _parameters(self) -> Iterator[RoutineParameter]:
         first = True
         while not self.accept(")"):
             if not first and not self.accept(",", "|") and not self.at("\\"):
@@ -589,9 +589,9 @@ class _Parser(Reader):
             if self.accept("{"):
                 while not self.done and not self.accept("}"):
                     self.take()
-            yield Parameter(name=name, type=key_of(type_), optional=optional, changed=changed)
+            yield RoutineParameter(name=name, type=key_of(type_), optional=optional, changed=changed)
 
-    def _passed(self) -> Iterator[Declaration | NotRead]:
+    def _passed(self) -> Iterator[DataDeclaration | NotRead]:
         """Declarations among the statements up to the end of the routine; the statements are passed over."""
         place = self.end
         while found := _STATEMENTS.match(self.text, place):

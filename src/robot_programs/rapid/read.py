@@ -10,7 +10,7 @@ from robot_programs.core.form import Move
 from robot_programs.core.interpreter import FoundMotion, interpreted
 from robot_programs.core.program import Diagnostic, Frame, Motion, Reason
 from robot_programs.core.source import Source, uncollected
-from robot_programs.rapid.lower import Lowered, Unread, lowered
+from robot_programs.rapid.lower import LoweredRapid, Unread, lowered
 from robot_programs.rapid.meaning import RapidMeaning, uses
 from robot_programs.rapid.names import (
     BY_NAME,
@@ -23,7 +23,7 @@ from robot_programs.rapid.names import (
     SOFTENING,
     TURNING,
     ZERO_LOAD,
-    File,
+    ModuleFile,
     Symbol,
     Value,
     procedures,
@@ -32,15 +32,15 @@ from robot_programs.rapid.parse import Notes, parse
 from robot_programs.rapid.resolve import (
     MOTION_FORMS,
     SUFFIX,
-    MotionLine,
+    MoveInstruction,
+    RapidSite,
     Settings,
-    Site,
     base_frame,
     motion_of,
     poses_of,
 )
 from robot_programs.rapid.rewrite import RapidProgram
-from robot_programs.rapid.syntax import Module, words
+from robot_programs.rapid.syntax import ModuleText, words
 from robot_programs.rapid.values import as_pose, plain
 from taskcal_groundwork.errors import FileError
 
@@ -60,8 +60,8 @@ def read_rapid(
         FileError: a file is no RAPID module.
     """
     diagnostics: list[Diagnostic] = []
-    texts: dict[File, Sequence[Module]] = {}
-    notes: dict[File, Notes] = {}
+    texts: dict[ModuleFile, Sequence[ModuleText]] = {}
+    notes: dict[ModuleFile, Notes] = {}
     parameters = [source for source in sources if source.path.suffix.lower() == SUFFIX]
     if len(parameters) > 1:
         raise FileError(parameters[1].path, f"is motion parameters as {parameters[0].path} is; pass one MOC.cfg")
@@ -71,7 +71,7 @@ def read_rapid(
     for source in sources:
         if source in parameters:
             continue
-        file = File(source=source, number=len(texts))
+        file = ModuleFile(source=source, number=len(texts))
         texts[file], notes[file] = _parsed(source)
         diagnostics += _outside(file, texts[file])
     form = lowered(notes, procedures(texts, _given(tools or {}, parts or {})))
@@ -100,20 +100,20 @@ def read_rapid(
     )  # fmt: skip
 
 
-def _frames(form: Lowered, meaning: RapidMeaning) -> dict[Symbol, Value]:
+def _frames(form: LoweredRapid, meaning: RapidMeaning) -> dict[Symbol, Value]:
     """What tools and work objects are declared as."""
     return {one: plain(meaning.declared(one)) for one in form.declared if one.type in ("tooldata", "wobjdata")}
 
 
-def _motion(line: Move) -> MotionLine:
-    assert isinstance(line, MotionLine)
+def _motion(line: Move) -> MoveInstruction:
+    assert isinstance(line, MoveInstruction)
     return line
 
 
-def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple[list[Site], list[Motion]]:
+def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple[list[RapidSite], list[Motion]]:
     """All that can be rewritten, in the order of the text."""
     found = list(findings.ordered(lambda one: not _is_torn(one.motion.written, findings), lambda line: line.at[:2]))
-    sites: list[Site] = [one.motion.written for one in found]
+    sites: list[RapidSite] = [one.motion.written for one in found]
     ends, vias = poses_of([site.end for site in sites]), poses_of([site.via for site in sites])
     # those of calls that nobody could follow count, too
     return sites, [
@@ -122,14 +122,16 @@ def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple
     ]
 
 
-def _is_torn(site: Site, findings: Findings[Move, FoundMotion]) -> bool:
+def _is_torn(site: RapidSite, findings: Findings[Move, FoundMotion]) -> bool:
     """Whether a motion's own text would have to change, while on other ways nobody knows where it leads."""
     if site.line not in findings.reasons:
         return False
     return any(target.passed is None for target in (site.end, site.via) if target is not None)
 
 
-def _left(findings: Findings[Move, FoundMotion], sites: Iterable[Site], meaning: RapidMeaning) -> Iterator[Diagnostic]:
+def _left(
+    findings: Findings[Move, FoundMotion], sites: Iterable[RapidSite], meaning: RapidMeaning
+) -> Iterator[Diagnostic]:
     """Why motions stay as they are, on all ways or on some."""
     partly, files = {site.line for site in sites}, meaning.files
     for line, (_, reason) in findings.reasons.items():
@@ -139,7 +141,7 @@ def _left(findings: Findings[Move, FoundMotion], sites: Iterable[Site], meaning:
     found = {one.text for one in findings.occurrences}
     for routine in meaning.lowered.all:
         for line in routine.lines:
-            if isinstance(line, MotionLine) and line not in found and line not in findings.reasons:
+            if isinstance(line, MoveInstruction) and line not in found and line not in findings.reasons:
                 text = f"{line.name} stays as it is: no way through the program leads to it"
                 yield Diagnostic(place=files[line.at[0]].source.place(line.at[1]), text=text, unread=True)
     for line in meaning.soft:
@@ -158,7 +160,7 @@ def _given(tools: Mapping[str, Frame], parts: Mapping[str, Frame]) -> Iterator[S
         yield Symbol(name=name, type="wobjdata", value=(False, True, "", as_pose(frame.T), IDENTITY))
 
 
-def _parsed(source: Source) -> tuple[Sequence[Module], Notes]:
+def _parsed(source: Source) -> tuple[Sequence[ModuleText], Notes]:
     if "\0" in source.text:
         raise FileError(source.path, "is a binary file; give a RAPID module as text")
     # looked for first: of a file that has none, every word would be taken apart for nothing
@@ -169,7 +171,7 @@ def _parsed(source: Source) -> tuple[Sequence[Module], Notes]:
     return modules, notes
 
 
-def _settings(form: Lowered) -> Settings:
+def _settings(form: LoweredRapid) -> Settings:
     """Settings of the program's instructions for all of it: where they do so sometimes, they may do so always."""
     off: set[str] = set()
     shift = offset = soft = ""
@@ -188,7 +190,7 @@ def _settings(form: Lowered) -> Settings:
     return Settings(postures_off=frozenset(off), shift=shift, external_offset=offset, soft=soft)
 
 
-def _cautions(form: Lowered) -> Iterator[Diagnostic]:
+def _cautions(form: LoweredRapid) -> Iterator[Diagnostic]:
     """Warnings of instructions that act on motions elsewhere, or of which nothing is known."""
     for one in form.instructions:
         name = one.word.text
@@ -218,7 +220,7 @@ def _cautions(form: Lowered) -> Iterator[Diagnostic]:
         yield Diagnostic(place=one.file.source.place(one.word.start), text=text)
 
 
-def _outside(file: File, modules: Iterable[Module]) -> Iterator[Diagnostic]:
+def _outside(file: ModuleFile, modules: Iterable[ModuleText]) -> Iterator[Diagnostic]:
     """Motions that stand in no module."""
     text, at = file.source.text, 0
     for start, end in (*((one.start, one.end) for one in modules), (len(text), len(text))):
@@ -229,7 +231,7 @@ def _outside(file: File, modules: Iterable[Module]) -> Iterator[Diagnostic]:
         at = end
 
 
-def _lost_motions(form: Lowered) -> Iterator[Diagnostic]:
+def _lost_motions(form: LoweredRapid) -> Iterator[Diagnostic]:
     """Motions in text that was not understood."""
     for routine in form.all:
         source = routine.file.source

@@ -16,15 +16,15 @@ from robot_programs.core.interpreter import FoundMotion
 from robot_programs.core.program import Motion, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
-from robot_programs.rapid.names import File, Scope, Value
+from robot_programs.rapid.names import ModuleFile, Scope, Value
 from robot_programs.rapid.parse import Argument, arguments_of
-from robot_programs.rapid.syntax import Written
+from robot_programs.rapid.syntax import AggregateText
 from robot_programs.rapid.values import (
     MAX_COORDINATE_MM,
     UNIT_TOLERANCE,
     Frames,
     PassedArgument,
-    Traced,
+    TracedOrigin,
     numbers,
     parts,
     pose_of,
@@ -53,7 +53,7 @@ POSTURE_TOLERANCE_RAD = np.radians(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Configuration:
+class Confdata:
     """The confdata of a target."""
 
     cf1: int
@@ -93,7 +93,7 @@ class Configuration:
         return away
 
     @classmethod
-    def of(cls, robot: Robot, q: Float[np.ndarray, " joints"], like: "Configuration | None" = None) -> "Configuration":
+    def of(cls, robot: Robot, q: Float[np.ndarray, " joints"], like: "Confdata | None" = None) -> "Confdata":
         """The configuration of a posture.
 
         Args:
@@ -162,11 +162,11 @@ class TargetArgument:
     argument: Span
     """Where the target is written: in the motion, or in the call by which the motion's routine is given it."""
     type: TargetType
-    origin: Traced | None
+    origin: TracedOrigin | None
     """Declaration of its numbers; None where they stand in the argument, or are computed."""
-    literal: Written | None
+    literal: AggregateText | None
     """What holds its numbers, all of them written out; None where some are computed."""
-    file: File
+    file: ModuleFile
     """File of the numbers."""
     passed: PassedArgument | None = None
     """How a routine is given it by the call in which the argument stands; None where that is the motion's own."""
@@ -241,14 +241,14 @@ class TargetArgument:
         return self.origin.symbol.declaration.start if self.literal is None else self.literal.start
 
 
-def configuration(cf: Iterable[float]) -> Configuration:
+def configuration(cf: Iterable[float]) -> Confdata:
     """The configuration that four numbers of confdata state."""
     return _configuration(*map(int, cf))
 
 
 @lru_cache(maxsize=1024)
-def _configuration(cf1: int, cf4: int, cf6: int, cfx: int) -> Configuration:
-    return Configuration(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
+def _configuration(cf1: int, cf4: int, cf6: int, cfx: int) -> Confdata:
+    return Confdata(cf1=cf1, cf4=cf4, cf6=cf6, cfx=cfx)
 
 
 def poses_of(targets: Sequence[TargetArgument | None]) -> Iterator[Float[np.ndarray, "4 4"] | None]:
@@ -392,7 +392,7 @@ _REJECTED_OPTIONS = {
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Layout:
+class MotionArguments:
     """The arguments of a motion by their meaning."""
 
     via: Argument | None
@@ -417,7 +417,7 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionLine(Move):
+class MoveInstruction(Move):
     """A motion instruction."""
 
     name: str
@@ -457,7 +457,7 @@ class Settings:
     """Where the robot stands; None where it stands in the world's origin, as far as the files tell."""
     frames: dict[Frames, Frames] = field(default_factory=dict[Frames, Frames])
     """Frames as the program states them, and counted in the robot's base: made once, so that one frame is one object."""
-    notes: dict[str, tuple[File, int]] = field(default_factory=dict[str, tuple[File, int]])
+    notes: dict[str, tuple[ModuleFile, int]] = field(default_factory=dict[str, tuple[ModuleFile, int]])
     """Warnings that came up, each with the file and character where it did first."""
     meanings: dict[tuple[object, ...], int] = field(default_factory=dict[tuple[object, ...], int])
     """As in `Manner`."""
@@ -493,11 +493,11 @@ class Manner:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Site:
+class RapidSite:
     """What the text of a motion means; what comes before it is said by the others."""
 
-    line: MotionLine
-    file: File
+    line: MoveInstruction
+    file: ModuleFile
     end: TargetArgument
     via: TargetArgument | None
     manner: Manner
@@ -508,12 +508,12 @@ class Site:
         return self.line.at[:2]
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> MotionArguments:
         """The arguments by their meaning."""
         return layout(self.line.key, arguments_of(self.file.source, self.line.at[1]))
 
 
-def layout(key: str, arguments: Sequence[Argument]) -> Layout:
+def layout(key: str, arguments: Sequence[Argument]) -> MotionArguments:
     """The arguments of a motion by their meaning.
 
     Args:
@@ -544,7 +544,7 @@ def layout(key: str, arguments: Sequence[Argument]) -> Layout:
     via = own.pop(0) if form.kind == "circular" else None
     to, speed, tool = own[0], own[1], own[-1]
     zone = own[-2] if form.has_zone else None
-    return Layout(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
+    return MotionArguments(via=via, to=to, speed=speed, zone=zone, tool=tool, options=options)
 
 
 def motion_of(
@@ -557,13 +557,13 @@ def motion_of(
     """A motion whose place among the others is known.
 
     Args:
-        one: as it was found; what is written is its `Site`.
+        one: as it was found; what is written is its `RapidSite`.
         end: pose of its target; None for joint positions.
         via: pose of its via point; None where it has none.
         settings: of the program.
         texts_motions: how many motions its text stands for.
     """
-    found: Site = one.motion.written
+    found: RapidSite = one.motion.written
     manner, kind = found.manner, MOTION_FORMS[found.line.key].kind
     # where the motion before is not known, the configuration is the best there is even if the controller does not check it
     binds = kind not in settings.postures_off

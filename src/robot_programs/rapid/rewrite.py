@@ -31,20 +31,20 @@ from robot_programs.core.source import FreshNames, Place, Source, TextEdit
 from robot_programs.core.values import Origin
 from robot_programs.core.written_out import Repeated, Table, Turns
 from robot_programs.rapid.helper import calls_function, wrap
-from robot_programs.rapid.lower import FRAMES, Labelled, Lowered, Unread
+from robot_programs.rapid.lower import FRAMES, Labelled, LoweredRapid, Unread
 from robot_programs.rapid.meaning import Reference
-from robot_programs.rapid.names import DATA, File, Procedure, Symbol, Value
+from robot_programs.rapid.names import DATA, ModuleFile, Procedure, Symbol, Value
 from robot_programs.rapid.resolve import (
     JOINTS,
     NAMES,
-    Configuration,
-    MotionLine,
-    Site,
+    Confdata,
+    MoveInstruction,
+    RapidSite,
     TargetArgument,
     TargetType,
     target_type,
 )
-from robot_programs.rapid.syntax import RESERVED, Declaration, key_of, tokenize, words
+from robot_programs.rapid.syntax import RESERVED, DataDeclaration, key_of, tokenize, words
 from robot_programs.rapid.values import (
     DEG_DECIMALS,
     MM_DECIMALS,
@@ -83,7 +83,7 @@ def new_numbers(ends: Ends, robot: Robot) -> dict[TargetArgument, Numbers]:
                 rows = _kept(np.degrees(q), meant, type_)
             else:
                 rows = _pose_rows(np.stack([_pose(ends[target]) for target in own]), meant)
-                rows = np.hstack([rows, Configuration.confdata(robot, q, meant[:, 7:].astype(np.int64))])
+                rows = np.hstack([rows, Confdata.confdata(robot, q, meant[:, 7:].astype(np.int64))])
             found |= zip(own, map(tuple, rows.tolist()), strict=True)
     return found
 
@@ -173,17 +173,17 @@ class RapidProgram(SharingProgram):
     TABLE: ClassVar = "TaskcalTargets"
     DIVIDED: ClassVar = " DIV "
 
-    sites: tuple[Site, ...] = ()
+    sites: tuple[RapidSite, ...] = ()
     routines: tuple[Procedure, ...] = ()
     uses: Mapping[Symbol, tuple[Reference, ...]]
     """All references to declared data."""
-    files: tuple[File, ...]
+    files: tuple[ModuleFile, ...]
     """The modules' files, by their numbers."""
     frames: Mapping[Symbol, Value]
     """What tools and work objects are declared as."""
-    form: Lowered
+    form: LoweredRapid
     """The program in the one form."""
-    unresolved: frozenset[MotionLine] = frozenset()
+    unresolved: frozenset[MoveInstruction] = frozenset()
     """Motions that were not resolved, on no way that leads to them."""
     shift: str = ""
     """As in `Settings`."""
@@ -366,7 +366,7 @@ class RapidProgram(SharingProgram):
 
     def _stops(
         self, routine: Procedure, numbers: Mapping[Line, Sequence[int]], read: Sequence[tuple[int, Datum]]
-    ) -> "Iterator[_Stop]":
+    ) -> "Iterator[_TargetStop]":
         """Motions of a routine in the order of the text, given the targets that its file reads, in order, too."""
         starts, source = [start for start, _ in read], routine.file.source
         naming = {use.through for own in self.uses.values() for use in own}
@@ -383,7 +383,7 @@ class RapidProgram(SharingProgram):
                 for symbol, _ in named([line.target.at]):
                     times[symbol] += symbol not in {one for one, _ in own}
                     made_of[symbol] = own.union(*(made_of.get(one, ()) for one, _ in own))
-            if not isinstance(line, MotionLine):
+            if not isinstance(line, MoveInstruction):
                 continue
             for i in (*((None,) if line in self.unresolved else ()), *numbers.get(line, ())):
                 site = None if i is None else self.sites[i]
@@ -401,14 +401,14 @@ class RapidProgram(SharingProgram):
                         data = {(s, origin.place if path is None and s is origin.symbol else path) for s, path in data}
                     if any(s in naming for s, _ in data):
                         data = {one for one in data if one[0] not in naming}.union((o.symbol, o.place) for o in origins)
-                yield _Stop(
+                yield _TargetStop(
                     number=i, given=given, place=source.place(line.at[1]),
                     data=frozenset((symbol, path, times[symbol]) for symbol, path in data),
                     frames=frozenset(source.text[one.at[1] : one.at[2]].lower() for one in frames),
                 )  # fmt: skip
 
 
-class _Stop(NamedTuple):
+class _TargetStop(NamedTuple):
     """A motion of a routine, with data of which its targets are made."""
 
     number: int | None
@@ -422,8 +422,8 @@ class _Stop(NamedTuple):
     place: Place
 
 
-def _visits(routine: Routine, stops: Iterable[_Stop]) -> Iterator[Visit]:
-    by_datum: dict[object, list[_Stop]] = defaultdict(list)
+def _visits(routine: Routine, stops: Iterable[_TargetStop]) -> Iterator[Visit]:
+    by_datum: dict[object, list[_TargetStop]] = defaultdict(list)
     for stop in stops:
         for datum in stop.data:
             by_datum[datum].append(stop)
@@ -477,7 +477,7 @@ def _behind_header(routine: Procedure, text: str) -> int:
     return at if rest and not rest.startswith("!") else at + len(text[at:line_end].rstrip("\r"))
 
 
-def _name(move: Motion, line: MotionLine, kind: MotionKind) -> str:
+def _name(move: Motion, line: MoveInstruction, kind: MotionKind) -> str:
     """The instruction of another kind of motion that is given the same.
 
     Raises:
@@ -502,7 +502,7 @@ def _same(T: Pose) -> Pose:
 def _use(
     number: int,
     move: Motion,
-    site: Site,
+    site: RapidSite,
     target: TargetArgument,
     operand: Span,
     wanted: Numbers,
@@ -672,7 +672,7 @@ class RapidSpelling(Spelling[Numbers]):
         else:
             self._edit(file, start, start, "".join(lines))
 
-    def _reword(self, move: Motion, site: Site, waypoint: Waypoint) -> None:
+    def _reword(self, move: Motion, site: RapidSite, waypoint: Waypoint) -> None:
         """Edit an instruction's name and arguments as another kind needs them; numbers of the same type are left to do."""
         where, kind, (file, start, _) = site.layout, waypoint.kind, site.line.at
         self._edit(file, start, start + len(site.line.name), _name(move, site.line, kind))
@@ -683,7 +683,7 @@ class RapidSpelling(Spelling[Numbers]):
         if target_type(kind) != site.end.type:
             self._edit(file, where.to.start, where.behind_to, self._target(site, waypoint))
 
-    def _target(self, site: Site, waypoint: Waypoint) -> str:
+    def _target(self, site: RapidSite, waypoint: Waypoint) -> str:
         """An aggregate for a waypoint, with the external axes of a motion."""
         like, type_ = site.end, target_type(waypoint.kind)
         if type_ == like.type:
@@ -693,7 +693,7 @@ class RapidSpelling(Spelling[Numbers]):
         else:
             numbers = (
                 *pose_numbers(_pose(waypoint)),
-                *Configuration.confdata(self.robot, waypoint.q[None], None)[0].tolist(),
+                *Confdata.confdata(self.robot, waypoint.q[None], None)[0].tolist(),
             )
         return _aggregate(type_, numbers, external_texts(like, waypoint.external))
 
@@ -740,7 +740,7 @@ def _changed_text(target: TargetArgument, wanted: Numbers, texts: Texts) -> str:
     return "".join([*parts, text[at : literal.end]])
 
 
-def _behind(declaration: Declaration, source: Source) -> tuple[int, str]:
+def _behind(declaration: DataDeclaration, source: Source) -> tuple[int, str]:
     """Position for a declaration after another one, and the text in front of it."""
     text = source.text
     end = text.find("\n", declaration.end)
@@ -849,10 +849,10 @@ def _point(
     return declared.name((type_, value), f"CONST {type_}", f"{letter}{10 * (number + 1)}", value)
 
 
-def _configuration(target: Target, q: Float[np.ndarray, " joints"] | None, number: int, robot: Robot) -> Configuration:
+def _configuration(target: Target, q: Float[np.ndarray, " joints"] | None, number: int, robot: Robot) -> Confdata:
     if q is not None:
-        return Configuration.of(robot, q)
-    if isinstance(target.posture, Configuration):
+        return Confdata.of(robot, q)
+    if isinstance(target.posture, Confdata):
         return target.posture
     raise InputError(f"motion {number} goes to a pose and does not say in which posture; give its joint positions")
 

@@ -94,7 +94,7 @@ def listed(text: str, start: int, end: int) -> Iterator[tuple[int, int, float]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Written:
+class AggregateText:
     """Numbers in square brackets, or lists of these: most of a program, which are read when they are asked for."""
 
     text: str
@@ -147,7 +147,7 @@ def _values(own: str) -> tuple[float | tuple[float, ...], ...]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Declaration:
+class DataDeclaration:
     """Declares data; its text ends behind the semicolon."""
 
     start: int
@@ -168,7 +168,7 @@ class Declaration:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Parameter:
+class RoutineParameter:
     """Parameter of a routine."""
 
     name: Word
@@ -180,7 +180,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Problem:
+class SyntaxProblem:
     """Text that could not be understood."""
 
     position: int
@@ -196,7 +196,7 @@ class NotRead(NamedTuple):
 
     start: int
     end: int
-    problem: Problem
+    problem: SyntaxProblem
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
@@ -209,21 +209,21 @@ class RoutineText:
     kind: str
     """``proc``, ``func`` or ``trap``."""
     local: bool
-    parameters: Sequence[Parameter]
-    passed: Sequence[Declaration | NotRead]
+    parameters: Sequence[RoutineParameter]
+    passed: Sequence[DataDeclaration | NotRead]
     """What is declared among its statements."""
     body_at: int
     """Behind its head: its statements are read when all names are known."""
 
 
 @dataclass(eq=False, kw_only=True, slots=True)
-class Module:
+class ModuleText:
     """A module."""
 
     start: int
     end: int = 0
     name: Word
-    declarations: list[Declaration] = field(default_factory=list[Declaration])
+    declarations: list[DataDeclaration] = field(default_factory=list[DataDeclaration])
     records: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict[str, tuple[tuple[str, str], ...]])
     """Types with their components, name and type of each, in lower case."""
     routines: list[RoutineText] = field(default_factory=list[RoutineText])

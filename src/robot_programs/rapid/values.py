@@ -13,7 +13,7 @@ from robot_programs.core.form import Span
 from robot_programs.core.program import Frame, Unresolved, rotation
 from robot_programs.core.values import FUNCTIONS, Operators, Origin, Settable, Structure, applied, whole
 from robot_programs.rapid.names import Symbol, Value
-from robot_programs.rapid.syntax import Written
+from robot_programs.rapid.syntax import AggregateText
 from taskcal_groundwork import se3
 
 # Operators of RAPID, and shifts of targets.
@@ -365,7 +365,7 @@ class Listed(Mapping[Hashable, Any]):
 
     __slots__ = ("_made", "node", "persistent")
 
-    def __init__(self, node: Written, *, persistent: bool = False) -> None:
+    def __init__(self, node: AggregateText, *, persistent: bool = False) -> None:
         """Take a list as it is written, and whether an operator may change its numbers by hand."""
         self.node, self.persistent = node, persistent
         self._made: dict[Hashable, Any] | None = None
@@ -447,12 +447,12 @@ class PassedArgument:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Traced(Origin):
+class TracedOrigin(Origin):
     """Where the numbers of a value stand, and how it came from there."""
 
     name: str = ""
     """Of the data whose value it is."""
-    literal: Written | None = None
+    literal: AggregateText | None = None
     """What holds it in the text, all of its numbers written out."""
     assigned: bool = False
     """It was assigned to a variable, of whose name other numbers may be read: nothing is said but the name."""

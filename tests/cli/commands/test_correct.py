@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.reading import read_program
 from taskcal.correction.cell import Cell, Measured, write_cell
 from taskcal.geometry import se3
@@ -31,7 +31,7 @@ def module(robot, *lines):
         i, j, k, w = se3.to_quaternion(T[:3, :3])
         rotation = ",".join(f"{v:.8f}" for v in (w, i, j, k))
         targets.append(
-            f"  CONST robtarget {name}:=[[{x},{y},{z}],[{rotation}],{Configuration.of(robot, at)},[9E9,9E9,9E9,9E9,9E9,9E9]];"
+            f"  CONST robtarget {name}:=[[{x},{y},{z}],[{rotation}],{Confdata.of(robot, at)},[9E9,9E9,9E9,9E9,9E9,9E9]];"
         )
     head = [
         "MODULE Part ! Werkstück ä",

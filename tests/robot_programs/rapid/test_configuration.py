@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from taskcal.kinematics.inverse import find_postures
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -15,7 +15,7 @@ IRB6660 = load_robot("abb-irb6660-205-1.9")
 
 
 def of(robot, degrees, like=None) -> tuple[int, int, int, int]:
-    c = Configuration.of(robot, np.radians(np.array(degrees, dtype=float)), like)
+    c = Confdata.of(robot, np.radians(np.array(degrees, dtype=float)), like)
     return c.cf1, c.cf4, c.cf6, c.cfx
 
 
@@ -39,7 +39,7 @@ def test_hand_made_postures_of_the_irb_120(degrees, expected):
 
 
 def test_edges_keep_what_was_stated():
-    like = Configuration(cf1=-1, cf4=0, cf6=0, cfx=1)
+    like = Confdata(cf1=-1, cf4=0, cf6=0, cfx=1)
     nearly = [-1e-9, 0, 0, 90 + 1e-9, 1e-9, -1e-9]
     assert of(IRB120, nearly, like) == (-1, 0, 0, 1)
     assert of(IRB120, nearly) == (0, 1, 0, 0)
@@ -51,7 +51,7 @@ def test_a_posture_agrees_with_its_own_configuration(rng):
     robot = robot_from(industrial(rng))
     q = industrial_positions(rng, 4)
     for row in q:
-        assert Configuration.of(robot, row).agrees(robot, row[None])[0]
+        assert Confdata.of(robot, row).agrees(robot, row[None])[0]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -66,7 +66,7 @@ def test_configurations_tell_the_postures_of_one_pose_apart(seed):
     ]  # confdata does not count turns of axes 2, 3 and 5
     sure = [p for p in turns if np.abs(np.sin(2 * p[[0, 3, 5]])).min() > 0.05 and abs(p[4]) > 0.05]
     assert len(sure) > 1
-    stated = [str(Configuration.of(robot, p)) for p in sure]
+    stated = [str(Confdata.of(robot, p)) for p in sure]
     assert len(set(stated)) == len(sure)
 
 
@@ -74,7 +74,7 @@ def test_configurations_tell_the_postures_of_one_pose_apart(seed):
 def test_a_whole_turn_of_an_axis_is_another_configuration(rng, joint):
     q = industrial_positions(rng, 1)
     robot = robot_from(industrial(rng))
-    stated = Configuration.of(robot, q[0])
+    stated = Confdata.of(robot, q[0])
     turned = q.copy()
     turned[0, joint] += 2 * np.pi
     assert not stated.agrees(robot, turned)[0]
@@ -83,9 +83,9 @@ def test_a_whole_turn_of_an_axis_is_another_configuration(rng, joint):
 
 def test_a_parallel_rod_has_no_use_for_cfx():
     q = np.radians([10.0, 20, 10, 30, -40, 50])
-    assert Configuration.of(IRB6660, q, Configuration(cf1=0, cf4=0, cf6=0, cfx=5)).cfx == 5
-    assert Configuration(cf1=0, cf4=0, cf6=0, cfx=7).agrees(IRB6660, q[None])[0]
-    assert not Configuration(cf1=0, cf4=1, cf6=0, cfx=7).agrees(IRB6660, q[None])[0]
+    assert Confdata.of(IRB6660, q, Confdata(cf1=0, cf4=0, cf6=0, cfx=5)).cfx == 5
+    assert Confdata(cf1=0, cf4=0, cf6=0, cfx=7).agrees(IRB6660, q[None])[0]
+    assert not Confdata(cf1=0, cf4=1, cf6=0, cfx=7).agrees(IRB6660, q[None])[0]
 
 
 def test_configuration_without_usual_wrist_is_its_quadrants():
@@ -93,10 +93,10 @@ def test_configuration_without_usual_wrist_is_its_quadrants():
     ur5 = load_robot("ur5")
     q = np.radians([10.0, -80, 60, -100, -40, 50])
     assert of(ur5, np.degrees(q)) == (0, -2, 0, 0)
-    assert Configuration(cf1=0, cf4=-2, cf6=0, cfx=3).agrees(ur5, q[None])[0]
+    assert Confdata(cf1=0, cf4=-2, cf6=0, cfx=3).agrees(ur5, q[None])[0]
 
 
 def test_a_robot_of_seven_joints_agrees_with_anything():
     wam = load_robot("barrett-wam")
     q = np.zeros((2, len(wam.joints)))
-    assert Configuration(cf1=3, cf4=3, cf6=3, cfx=3).agrees(wam, q).all()
+    assert Confdata(cf1=3, cf4=3, cf6=3, cfx=3).agrees(wam, q).all()

@@ -8,7 +8,7 @@ from robot_programs.core.flow import SOMEWHERE
 from robot_programs.core.interpreter import Moment
 from robot_programs.core.values import Lost, Structure
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.values import Traced
+from robot_programs.rapid.values import TracedOrigin
 from tests.robot_programs.rapid.samples import POINTS, module, reasons, source
 
 
@@ -212,7 +212,11 @@ def test_joined_state_holds_what_all_ways_agree_on():
 def test_joined_state_names_data_only_if_all_ways_do():
     """A name of what was assigned is kept where all ways assign it."""
     p, q = (
-        Moment(variables={"a": Structure(kind="", parts={0: 1.0}, origin=Traced(at=(0, 0, 0), owner=None, name=name))})
+        Moment(
+            variables={
+                "a": Structure(kind="", parts={0: 1.0}, origin=TracedOrigin(at=(0, 0, 0), owner=None, name=name))
+            }
+        )
         for name in ("p", "q")
     )
     assert p.joined([q], "").variables["a"].origin is None

@@ -20,12 +20,12 @@ from robot_programs.core.kit import Word
 from robot_programs.core.source import Source
 from robot_programs.rapid import lower, syntax
 from robot_programs.rapid import parse as parser
-from robot_programs.rapid.lower import Lowered, Reading, lowered
-from robot_programs.rapid.names import File, procedures
+from robot_programs.rapid.lower import LoweredRapid, Reading, lowered
+from robot_programs.rapid.names import ModuleFile, procedures
 from robot_programs.rapid.parse import MAX_DEPTH, Notes, parse
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.resolve import MotionLine
-from robot_programs.rapid.syntax import Written, number, tokenize
+from robot_programs.rapid.resolve import MoveInstruction
+from robot_programs.rapid.syntax import AggregateText, number, tokenize
 from robot_programs.rapid.values import plain
 from taskcal.errors import FileError
 from tests.laws.robots import generators
@@ -119,10 +119,10 @@ def noted(text: str) -> Notes:
     return Notes(Source(path=Path("m.mod"), text=text, encoding="utf-8"))
 
 
-def read(text: str) -> tuple[Lowered, Notes]:
+def read(text: str) -> tuple[LoweredRapid, Notes]:
     """A module in the one form, and what is not understood of it."""
     notes = noted(text)
-    file = File(source=notes.source, number=0)
+    file = ModuleFile(source=notes.source, number=0)
     return lowered({file: notes}, procedures({file: parse(notes)})), notes
 
 
@@ -179,7 +179,7 @@ def _motions(nodes: Any) -> list[Any]:
     if isinstance(nodes, list):
         return [motion for node in nodes for motion in _motions(node)]
     if isinstance(nodes, tuple):
-        return [nodes] if nodes[:1] == ("MotionLine",) else [motion for node in nodes for motion in _motions(node)]
+        return [nodes] if nodes[:1] == ("MoveInstruction",) else [motion for node in nodes for motion in _motions(node)]
     return []
 
 
@@ -193,7 +193,7 @@ def test_motions_that_differ_in_their_targets_share_the_rest():
     ]
     data = "PERS wobjdata w;PERS wobjdata a{1};VAR robtarget p;"
     form, _ = read(f"MODULE m {data} PROC p1() {' '.join(lines)} ENDPROC ENDMODULE")
-    found = [line for line in form.procedures[0].lines if isinstance(line, MotionLine)]
+    found = [line for line in form.procedures[0].lines if isinstance(line, MoveInstruction)]
     assert [line.shared for line in found] == [True, True, False, True, False]
     assert found[0].settings is found[1].settings
 
@@ -345,7 +345,7 @@ def test_list_of_numbers_holds_each_with_its_place(blanks):
     assert [slow[start:end] for start, end, _ in whole.leaves()] == numbers
 
 
-def written(text: str) -> Written:
+def written(text: str) -> AggregateText:
     """The list of a module's only data, of which all is understood."""
     notes = Notes(Source.of(Path("part.mod"), text.encode()))
     (module,) = parse(notes)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robot_programs.core.program import Waypoint
 from robot_programs.core.source import Source
 from robot_programs.rapid.read import read_rapid
-from robot_programs.rapid.resolve import Configuration
+from robot_programs.rapid.resolve import Confdata
 from robot_programs.rapid.values import quaternion_texts, real
 from taskcal.errors import TaskcalError
 from taskcal.robot.catalogue import load_robot
@@ -241,7 +241,7 @@ def test_configurations_are_those_of_the_posture():
     q = np.radians([-100.0, 0, 0, 95, -5, 185])
     text = program.rewrite(robot, shifted(program, 0, q=q))[0].text
     assert "[11,0,0],[1,0,0,0],[-2,1,2,1]" in text
-    assert str(Configuration.of(robot, q)) == "[-2,1,2,1]"
+    assert str(Confdata.of(robot, q)) == "[-2,1,2,1]"
 
 
 # Numbers of rewritten targets.
