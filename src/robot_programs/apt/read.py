@@ -20,7 +20,7 @@ from robot_programs.apt.syntax import (
     UNREAD_MOTIONS,
     CircleRecord,
     CircleTokens,
-    Instruction,
+    MotionStatements,
     Statement,
     circle_record,
     circle_tokens,
@@ -184,7 +184,7 @@ class Resolver:
     source: Source
     number: int
     part: Frame
-    found: list[tuple[Motion, Instruction]]
+    found: list[tuple[Motion, MotionStatements]]
     diagnostics: list[Diagnostic]
     unit: float = 1e-3
     speed: float | None = None
@@ -394,7 +394,7 @@ class Resolver:
             routine=self.source.path.stem,
             place=place,
         )
-        instruction = Instruction(
+        instruction = MotionStatements(
             source=self.number,
             start=statement.start if start is None else start,
             end=statement.end,
@@ -533,7 +533,7 @@ def read_apt(
     own = tool_of_points(sources[0].path, robot, tool)
     named = {tool_key(name): frame for name, frame in (tools or {}).items()}
     part = part or Frame(name="", T=np.eye(4))
-    found, diagnostics = list[tuple[Motion, Instruction]](), list[Diagnostic]()
+    found, diagnostics = list[tuple[Motion, MotionStatements]](), list[Diagnostic]()
     for number, source in enumerate(sources):
         if "\0" in source.text:
             raise FileError(source.path, "is a binary file; export it as APT source")

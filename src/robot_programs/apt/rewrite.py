@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.apt.syntax import CircleRecord, CircleTokens, Instruction, arc_through
+from robot_programs.apt.syntax import CircleRecord, CircleTokens, MotionStatements, arc_through
 from robot_programs.core.kit import Word
 from robot_programs.core.program import SAME_POSE, Motion, Paths, Program, Unresolved, Waypoint
 from robot_programs.core.robot import Robot
@@ -21,7 +21,7 @@ MM, INCHES, AXIS = 5, 6, 7
 class AptProgram(Program):
     """Tool paths read from APT."""
 
-    instructions: tuple[Instruction, ...]
+    instructions: tuple[MotionStatements, ...]
     """Where each motion stands."""
 
     def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
@@ -48,7 +48,7 @@ class AptProgram(Program):
         return tuple(source.edited(e) for source, e in zip(self.sources, edits, strict=True))
 
 
-def _start(move: Motion, instruction: Instruction, waypoints: Paths) -> Float[np.ndarray, " 3"] | None:
+def _start(move: Motion, instruction: MotionStatements, waypoints: Paths) -> Float[np.ndarray, " 3"] | None:
     if move.follows is None or move.follows not in waypoints:
         return instruction.begin
     T = waypoints[move.follows][-1].T
@@ -64,7 +64,7 @@ class _Writing:
     """Rewriting one motion."""
 
     source: Source
-    own: Instruction
+    own: MotionStatements
     move: Motion
 
     @property

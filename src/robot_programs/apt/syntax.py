@@ -354,7 +354,7 @@ def recorded_arcs(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Instruction:
+class MotionStatements:
     """The statements of a motion."""
 
     source: int

@@ -49,7 +49,7 @@ _NUMBER = re.compile(NUMBER, re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Row:
+class CsvRow:
     """A row of a table in its text."""
 
     line: int
@@ -72,14 +72,14 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Table:
+class CsvTable:
     """Rows below one that names the columns."""
 
     source: Source
     header: tuple[str, ...]
     header_line: int
     delimiter: str
-    rows: tuple[Row, ...]
+    rows: tuple[CsvRow, ...]
 
     @property
     def names(self) -> dict[str, str]:
@@ -138,7 +138,7 @@ class Table:
         return given
 
 
-def parse_table(source: Source) -> Table:
+def parse_table(source: Source) -> CsvTable:
     """The table that a file's text holds, taken as it is written.
 
     Raises:
@@ -153,7 +153,7 @@ def parse_table(source: Source) -> Table:
     # every line may end with a separator
     width = len(first.texts) if first.texts[-1] else max(row.filled for row in rows)
     header = tuple(name or f"column {k}" for k, name in enumerate(first.texts[:width], start=1))
-    table = Table(source=source, header=header, header_line=first.line, delimiter=delimiter, rows=rows[1:])
+    table = CsvTable(source=source, header=header, header_line=first.line, delimiter=delimiter, rows=rows[1:])
     lowered = [name.lower() for name in header]
     for names, but in ((header, "; column names must differ"), (lowered, " but for letter case; keep one")):
         if twice := {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else None:
@@ -168,7 +168,7 @@ def parse_table(source: Source) -> Table:
     return table
 
 
-def _check_quotes(table: Table) -> None:
+def _check_quotes(table: CsvTable) -> None:
     """See that quotes stand around whole cells only, so that a cell's text is what it means.
 
     Raises:
@@ -197,13 +197,13 @@ def _delimiter_of(text: str) -> str:
     return max(",;\t", key=header.count)
 
 
-def _counts(row: Row) -> bool:
+def _counts(row: CsvRow) -> bool:
     """Whether a row belongs to the table: it is neither blank, nor a comment, nor the line that names the separator."""
     named = row.start <= 1 and row.texts[0].lower().startswith("sep=")
     return any(row.texts) and not row.texts[0].startswith("#") and not named
 
 
-def _scan(source: Source, delimiter: str) -> Iterator[Row]:
+def _scan(source: Source, delimiter: str) -> Iterator[CsvRow]:
     """The rows of a text."""
     text, cells = source.text, list[tuple[int, int]]()
     start = 1 if text.startswith("\ufeff") else 0
@@ -226,7 +226,7 @@ def _scan(source: Source, delimiter: str) -> Iterator[Row]:
             raise FileError(source.path, message, line=source.line(end))
         texts = tuple(text[a:b] for a, b in cells)
         line = source.line(min(end, len(text) - 1))
-        yield Row(line=line, start=start, end=end, next=match.end(), cells=tuple(cells), texts=texts)
+        yield CsvRow(line=line, start=start, end=end, next=match.end(), cells=tuple(cells), texts=texts)
         start, cells = match.end(), []
 
 
@@ -247,7 +247,7 @@ MM, DEGREES, UNITS = 6, 9, 10
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
+class CsvColumns:
     """Which columns a path has; names as the file writes them."""
 
     position: tuple[str, ...]
@@ -274,7 +274,7 @@ def _unit(joint: str) -> str:
     return joint.lower().rpartition("_")[2]
 
 
-def columns_of(table: Table, robot: Robot | None) -> Columns:
+def columns_of(table: CsvTable, robot: Robot | None) -> CsvColumns:
     """The columns of a path.
 
     Raises:
@@ -299,7 +299,7 @@ def columns_of(table: Table, robot: Robot | None) -> Columns:
         raise table.error("has orientations without positions; add x_mm y_mm z_mm")
     if not position and not joints:
         raise table.error("has neither positions x_mm y_mm z_mm nor joints such as J1_deg")
-    return Columns(position=position, rotation=quaternion or axis, joints=joints, words=words)
+    return CsvColumns(position=position, rotation=quaternion or axis, joints=joints, words=words)
 
 
 def _column(joint: str, number: int) -> str:
@@ -307,7 +307,7 @@ def _column(joint: str, number: int) -> str:
     return f"q{number}" if f"{joint.lower()}_mm" in POSITION else joint
 
 
-def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
+def _joints_of(table: CsvTable, robot: Robot) -> tuple[str, ...]:
     """A column for each of the robot's joints; none where the table has none of them.
 
     Raises:
@@ -328,7 +328,7 @@ def _joints_of(table: Table, robot: Robot) -> tuple[str, ...]:
     return tuple(columns)
 
 
-def _numbered_joints(table: Table) -> tuple[str, ...]:
+def _numbered_joints(table: CsvTable) -> tuple[str, ...]:
     """The joints' columns in the order of their numbers, where no robot is known."""
     numbered = {int(match[1]): name for lower, name in table.names.items() if (match := _NUMBERED.match(lower))}
     lacking = [i for i in range(1, max(numbered, default=0) + 1) if i not in numbered]
@@ -358,7 +358,7 @@ _YES, _NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class MotionRows:
     """The rows of a motion."""
 
     row: int
@@ -368,10 +368,10 @@ class Written:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PathTable(Table):
+class PathTable(CsvTable):
     """A table with what was read from it, a row each."""
 
-    columns: Columns
+    columns: CsvColumns
     T: Float[np.ndarray, "rows 4 4"]
     """Poses of the tool in the part's frame, metres; NaN where a row has none."""
     q: Float[np.ndarray, "rows joints"]
@@ -411,7 +411,7 @@ class PathTable(Table):
                 return f"{meaning} '{name}' is not known; only '{frame.name}' was given, so the motion stays as it is"
         return ""
 
-    def motion(self, written: Written, tool: Frame, part: Frame, before: int | None) -> Motion:
+    def motion(self, written: MotionRows, tool: Frame, part: Frame, before: int | None) -> Motion:
         """The motion of some rows.
 
         Raises:
@@ -450,7 +450,7 @@ class PathTable(Table):
 
     # Rewriting: cells, and rows where one motion becomes several.
 
-    def edits(self, written: Written, path: Sequence[Waypoint]) -> list[TextEdit]:
+    def edits(self, written: MotionRows, path: Sequence[Waypoint]) -> list[TextEdit]:
         """Edits that give one motion its waypoints: a row for each, and one more for the via point of an arc."""
         first = self.rows[written.row if written.via is None else written.via]
         ahead = "".join(
@@ -463,7 +463,7 @@ class PathTable(Table):
             out.append(TextEdit(start=first.start, end=first.next, text=""))
         return out + [edit for _, edits in self._rows_for(written, path[-1]) for edit in edits]
 
-    def _rows_for(self, written: Written, waypoint: Waypoint) -> list[tuple[int, list[TextEdit]]]:
+    def _rows_for(self, written: MotionRows, waypoint: Waypoint) -> list[tuple[int, list[TextEdit]]]:
         """The rows that hold a waypoint, each with the edits that put it there."""
         end = written.row, self._row_edits(written.row, waypoint, "circular" if waypoint.via else waypoint.kind)
         if waypoint.via is None:
@@ -548,7 +548,7 @@ class CsvProgram(Program):
     """Paths read from CSV."""
 
     path_tables: tuple[PathTable, ...]
-    written: tuple[tuple[int, Written], ...]
+    written: tuple[tuple[int, MotionRows], ...]
     """Where each motion stands: number of its table, and rows."""
 
     def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
@@ -586,7 +586,7 @@ def read_csv_path(
     """
     part = part or Frame(name="", T=np.eye(4))
     path_tables = tuple(read_path_table(source, robot) for source in sources)
-    motions, written, diagnostics = list[Motion](), list[tuple[int, Written]](), list[Diagnostic]()
+    motions, written, diagnostics = list[Motion](), list[tuple[int, MotionRows]](), list[Diagnostic]()
     for s, table in enumerate(path_tables):
         own = tool_of_points(table.source.path, robot if table.columns.position else robot or NO_ROBOT, tool)
         before, via = None, None
@@ -600,7 +600,7 @@ def read_csv_path(
                 diagnostics.append(Diagnostic(place=table.place(row), text=unknown, unread=True))
                 before = None
             else:
-                written.append((s, Written(row=row, via=via)))
+                written.append((s, MotionRows(row=row, via=via)))
                 motions.append(table.motion(written[-1][1], own, part, before))
                 before = len(motions) - 1
             via = None

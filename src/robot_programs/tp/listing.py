@@ -183,7 +183,7 @@ class Component:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class MotionGroup:
     """A position's values of one motion group."""
 
     frame: int | None
@@ -264,7 +264,7 @@ class Position:
     end: int
     """Behind its semicolon."""
     number_at: tuple[int, int]
-    groups: Mapping[int, Group]
+    groups: Mapping[int, MotionGroup]
     """By number of the motion group."""
 
     @property
@@ -300,13 +300,13 @@ def read_positions(text: str, start: int, end: int) -> Iterator[Position]:
         )
 
 
-def _groups(text: str, start: int, end: int) -> dict[int, Group]:
-    out: dict[int, Group] = {}
+def _groups(text: str, start: int, end: int) -> dict[int, MotionGroup]:
+    out: dict[int, MotionGroup] = {}
     for mark, behind in stretches(_GROUP.finditer(text, start, end), end):
         frames = {m["name"].upper(): m["value"] for m in _FRAME.finditer(text, mark.end(), behind)}
         configuration = _CONFIGURATION.search(text, mark.end(), behind)
         quoted = () if configuration is None else range(*configuration.span())
-        out[int(mark["number"])] = Group(
+        out[int(mark["number"])] = MotionGroup(
             frame=_whole(frames.get("UF")),
             tool=_whole(frames.get("UT")),
             configuration="" if configuration is None else configuration["text"],
@@ -338,7 +338,7 @@ def _component(match: "re.Match[str]") -> Component:
     )
 
 
-def pose_values(T: Float[np.ndarray, "4 4"], near: Group | None = None) -> dict[str, float]:
+def pose_values(T: Float[np.ndarray, "4 4"], near: MotionGroup | None = None) -> dict[str, float]:
     """Values of X Y Z W P R of a pose, millimetres and degrees; angles near those of a position."""
     components: Mapping[str, Component] = {} if near is None else near.components
     old = [component.value or 0.0 for name in "RPW" if (component := components.get(name))]
@@ -351,7 +351,7 @@ def joint_values(q: Float[np.ndarray, " joints"]) -> dict[str, float]:
     return dict(zip(JOINTS, np.degrees(q).tolist(), strict=False))
 
 
-def edits_for(group: Group, values: Mapping[str, float]) -> list[TextEdit]:
+def edits_for(group: MotionGroup, values: Mapping[str, float]) -> list[TextEdit]:
     """The edits that give components other values, in the columns of the old ones where there is room."""
     out: list[TextEdit] = []
     for name, value in values.items():

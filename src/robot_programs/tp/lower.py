@@ -42,7 +42,7 @@ SET = "is set in the program, to what is known only at run time"
 # Expressions.
 
 
-class Reader(Cursor):
+class TpReader(Cursor):
     """Expressions of TP."""
 
     BINDING: ClassVar = {
@@ -143,7 +143,7 @@ _ENDING = re.compile(r"(FINE|CNT|CD|CR)(\d*|A?R)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Operand:
+class NamedPosition:
     """A position of a motion, as it is named."""
 
     register: bool
@@ -160,14 +160,14 @@ class Operand:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionLine(Move):
+class MotionInstruction(Move):
     """A motion instruction as it is written; places are characters of the file."""
 
     instruction: Instruction
     keyword: str
     """J, L, C, A, or S for a spline."""
     keyword_at: int
-    operands: tuple[Operand, ...] = ()
+    operands: tuple[NamedPosition, ...] = ()
     """Its positions, the last of them the end."""
     termination: tuple[int, int] = (0, 0)
     """Where FINE or CNT stands; empty where neither does."""
@@ -187,7 +187,7 @@ class MotionLine(Move):
 
 
 Said = dict[str, Any]
-"""What is read of a motion so far, by the fields of `MotionLine`."""
+"""What is read of a motion so far, by the fields of `MotionInstruction`."""
 
 
 def spelled(register: Expression) -> str:
@@ -196,13 +196,13 @@ def spelled(register: Expression) -> str:
     return f"PR[{index.value:g}]" if isinstance(index, Lit) else "PR[…]"
 
 
-def read_operands(found: Reader, said: Said, count: int) -> None:
+def read_operands(found: TpReader, said: Said, count: int) -> None:
     """Read the positions of a motion.
 
     Raises:
         Unresolved: there are less.
     """
-    points, operands = list[Expression](), list[Operand]()
+    points, operands = list[Expression](), list[NamedPosition]()
     for k in range(count):
         if not found.at("P", "PR") or found.behind_next.text != "[":
             raise found.problem("the end of its arc is missing" if k else "its position is not understood")
@@ -214,11 +214,11 @@ def read_operands(found: Reader, said: Said, count: int) -> None:
         if isinstance(point, Ref) and whole is None and number is not None:
             said["settings"] = {**said["settings"], f"index {k}": number}
         points.append(point)
-        operands.append(Operand(register=register, number=whole, start=start, end=found.end))
+        operands.append(NamedPosition(register=register, number=whole, start=start, end=found.end))
     said["points"], said["operands"] = tuple(points), tuple(operands)
 
 
-def read_speed(found: Reader, said: Said) -> None:
+def read_speed(found: TpReader, said: Said) -> None:
     """Read the speed of a motion.
 
     Raises:
@@ -248,14 +248,14 @@ def read_speed(found: Reader, said: Said) -> None:
             raise found.problem("its speed is not understood")
 
 
-def _amount(found: Reader) -> Expression | None:
+def _amount(found: TpReader) -> Expression | None:
     try:
         return found.single()
     except Unresolved:
         return None
 
 
-def read_offset(found: Reader, said: Said, kind: Literal["Offset", "Tool_Offset"]) -> None:
+def read_offset(found: TpReader, said: Said, kind: Literal["Offset", "Tool_Offset"]) -> None:
     """Read the register by which a motion is shifted; there may be none."""
     offsets: tuple[Any, ...] = said.get("offsets", ())
     setting = ""
@@ -267,7 +267,7 @@ def read_offset(found: Reader, said: Said, kind: Literal["Offset", "Tool_Offset"
     said["offsets"] = (*offsets, (kind, setting))
 
 
-def read_ending(found: Reader, said: Said) -> None:
+def read_ending(found: TpReader, said: Said) -> None:
     """Read how a motion ends: ``CD`` states the distance from the target where the corner begins, millimetres.
 
     ``CR`` says a length, too, but no document at hand whether it is that distance or the corner's radius.
@@ -339,7 +339,7 @@ _REFUSED = {
 
 
 @dataclass(eq=False, kw_only=True)
-class Named:
+class Callees:
     """The programs of the files by name, and what is called that is not among them."""
 
     programs: Mapping[str, tuple[Routine, ...]]
@@ -372,7 +372,7 @@ _SETTINGS: Mapping[str, Expression] = {
 class Lowering:
     """One listing, lowered to the nodes of its routine."""
 
-    def __init__(self, listing: Listing, file: int, others: Named) -> None:
+    def __init__(self, listing: Listing, file: int, others: Callees) -> None:
         """Take a listing of a file, which is given by its number, and the programs that it may call."""
         self.listing, self.file, self.others = listing, file, others
         self.labels, self.doubled, self.computed = set[str](), set[str](), False
@@ -400,7 +400,7 @@ class Lowering:
 
     def _line(self, instruction: Instruction, text: str) -> None:
         end = len(instruction.text.rstrip("; \t\r\n"))
-        found = Reader(list(words(WORDS, instruction.text[:end], instruction.body)), self.file)
+        found = TpReader(list(words(WORDS, instruction.text[:end], instruction.body)), self.file)
         at = (self.file, found.place, instruction.body + end)
         select, self.select = self.select, None
         first = found.next.upper
@@ -418,7 +418,7 @@ class Lowering:
 
     # Blocks.
 
-    def _block(self, first: str, found: Reader, at: Span) -> bool:
+    def _block(self, first: str, found: TpReader, at: Span) -> bool:
         """Read a line that opens, divides or closes a block, or is a label; whether it is one."""
         match first:
             case "IF":
@@ -439,7 +439,7 @@ class Lowering:
             case "SELECT":
                 found.take()
                 self._add(flow.Branches(line=Check(at=at), name="SELECT", arms=()))
-                self._case((found.expression(Reader.OPERAND), []), found, at)
+                self._case((found.expression(TpReader.OPERAND), []), found, at)
             case "ELSE" | "ENDIF" | "ENDFOR" | "ENDWHILE":
                 if all(one.closes != first for one in self.open):
                     self._add(flow.Unknown(line=None))  # what it closes was not understood
@@ -473,7 +473,7 @@ class Lowering:
                     left = Hole(at=one.check.at, why="what a FOR leaves in its counter is not followed")
                     self._add(flow.Step(line=Assign(at=one.check.at, target=one.check.counter, value=left)))
 
-    def _if(self, found: Reader, at: Span) -> None:
+    def _if(self, found: TpReader, at: Span) -> None:
         found.take()
         condition = self._condition(found)
         check = Check(at=at, conditions=(condition,))
@@ -483,9 +483,9 @@ class Lowering:
         found.accept(",")
         self._add(_branch(check, "IF", condition, self._action(found, at)))
 
-    def _for(self, found: Reader, at: Span) -> None:
+    def _for(self, found: TpReader, at: Span) -> None:
         found.take()
-        counter = found.expression(Reader.OPERAND)
+        counter = found.expression(TpReader.OPERAND)
         found.expect("=")
         first = found.expression()
         step = Lit(at=at, value=-1.0 if found.at("DOWNTO") else 1.0)
@@ -494,7 +494,7 @@ class Lowering:
         last = found.whole()
         self.open.append(_Open(closes="ENDFOR", check=Check(at=at, conditions=(first, last, step), counter=counter)))
 
-    def _condition(self, found: Reader) -> Expression:
+    def _condition(self, found: TpReader) -> Expression:
         """A condition, up to THEN or to the comma before what is done; a hole where it is not understood."""
         start = found.place
         try:
@@ -508,7 +508,7 @@ class Lowering:
             found.take()
         return Hole(at=(self.file, start, found.end), why=why)
 
-    def _case(self, select: tuple[Expression, list[flow.Arm]], found: Reader, at: Span) -> None:
+    def _case(self, select: tuple[Expression, list[flow.Arm]], found: TpReader, at: Span) -> None:
         """Read one comparison of a SELECT, and what is done then."""
         compared, arms = select
         self.select = select
@@ -516,7 +516,7 @@ class Lowering:
         try:
             if not found.accept("ELSE"):
                 found.expect("=")
-                condition = Op(at=at, sign="=", operands=(compared, found.expression(Reader.OPERAND)))
+                condition = Op(at=at, sign="=", operands=(compared, found.expression(TpReader.OPERAND)))
             found.accept(",")
         except Unresolved as why:
             condition = Hole(at=at, why=str(why))
@@ -525,7 +525,7 @@ class Lowering:
         check = Check(at=at, conditions=conditions)
         self.open[-1].body[-1] = flow.Branches(line=check, name="SELECT", arms=tuple(arms))
 
-    def _label(self, found: Reader) -> None:
+    def _label(self, found: TpReader) -> None:
         found.take()
         found.expect("[")
         word = found.take()
@@ -535,7 +535,7 @@ class Lowering:
         self.labels.add(word.text)
         self._add(flow.Label(line=None, name=word.text))
 
-    def _jump(self, found: Reader, at: Span) -> flow.Leave:
+    def _jump(self, found: TpReader, at: Span) -> flow.Leave:
         """Read where a jump leads, behind JMP or a comma."""
         found.expect("LBL")
         found.expect("[")
@@ -549,14 +549,14 @@ class Lowering:
 
     # Instructions in one line.
 
-    def _action(self, found: Reader, at: Span, text: str = "") -> flow.Block:
+    def _action(self, found: TpReader, at: Span, text: str = "") -> flow.Block:
         """Nodes of an instruction; `text` is the whole line, of one that stands alone in it."""
         try:
             return self._understood(found, at, text)
         except Unresolved:
             return self._broken(found, at)
 
-    def _understood(self, found: Reader, at: Span, text: str) -> flow.Block:
+    def _understood(self, found: TpReader, at: Span, text: str) -> flow.Block:
         first, check = found.next.upper, Check(at=at)
         match first:
             case "JMP":
@@ -587,9 +587,9 @@ class Lowering:
             raise found.problem("it may move the robot, set positions, or lead elsewhere")
         return ()
 
-    def _assignment(self, found: Reader, at: Span) -> flow.Block:
+    def _assignment(self, found: TpReader, at: Span) -> flow.Block:
         first = found.next.upper
-        target = found.expression(Reader.OPERAND)
+        target = found.expression(TpReader.OPERAND)
         found.expect("=")
         value = found.whole()
         if isinstance(target, Hole):  # of another motion group; of the active frames each has its own
@@ -598,7 +598,7 @@ class Lowering:
             raise found.problem("it is not known what is set")
         return (flow.Step(line=Assign(at=at, target=target, value=value)),)
 
-    def _waiting(self, found: Reader, at: Span) -> flow.Block:
+    def _waiting(self, found: TpReader, at: Span) -> flow.Block:
         """Read WAIT, which may go on elsewhere behind TIMEOUT, or another one that has no effect."""
         while not found.done and not found.at("TIMEOUT"):
             found.take()
@@ -609,7 +609,7 @@ class Lowering:
         hole = Hole(at=at, why=RUN_TIME)
         return (_branch(Check(at=at, conditions=(hole,)), "WAIT", hole, (self._jump(found, at),)),)
 
-    def _called(self, found: Reader, at: Span, *, runs: bool = False, moves: bool = True) -> flow.Block:
+    def _called(self, found: TpReader, at: Span, *, runs: bool = False, moves: bool = True) -> flow.Block:
         """Read which program is called, behind CALL or RUN; what a motion calls on its way moves nothing itself."""
         start = found.take()
         if start.upper in ("SR", "AR", "R") and found.accept("["):
@@ -630,7 +630,7 @@ class Lowering:
             return (self._strange(at, name, moves=moves),)
         return (flow.Step(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
 
-    def _macro(self, found: Reader, at: Span, name: str) -> flow.Block:
+    def _macro(self, found: TpReader, at: Span, name: str) -> flow.Block:
         while not found.done and not found.at("("):
             found.take()
         routines = self.others.programs.get(name.upper(), ())
@@ -638,7 +638,7 @@ class Lowering:
             return (self._strange(at, name.upper()),)
         return (flow.Step(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
 
-    def _arguments(self, found: Reader) -> tuple[Expression, ...]:
+    def _arguments(self, found: TpReader) -> tuple[Expression, ...]:
         given: list[Expression] = []
         if found.accept("("):
             while not found.done and not found.accept(")"):
@@ -674,7 +674,7 @@ class Lowering:
         """A step behind which some data are not known, nor where the robot is."""
         return flow.Step(line=Do(at=at, changes=tuple(self.data[name] for name in names), why=why, moves=True))
 
-    def _broken(self, found: Reader, at: Span) -> flow.Block:
+    def _broken(self, found: TpReader, at: Span) -> flow.Block:
         """What a line that is not understood may do: set what it names, or, where it names nothing, all but the positions."""
         if any(word.upper in ("CALL", "RUN") for word in found.words):
             others = (name for name in self.data if name != "P")
@@ -686,7 +686,7 @@ class Lowering:
 
     # Motions.
 
-    def _motion(self, found: Reader, at: Span, instruction: Instruction) -> flow.Block:
+    def _motion(self, found: TpReader, at: Span, instruction: Instruction) -> flow.Block:
         keyword = found.take()
         said: Said = {"settings": _SETTINGS}
         behind: list[flow.Node] = []
@@ -700,10 +700,12 @@ class Lowering:
         except Unresolved as why:
             said["why"] = str(why)
             behind += self._unread_options(found, at)
-        line = MotionLine(at=at, instruction=instruction, keyword=keyword.upper, keyword_at=keyword.start, **said)
+        line = MotionInstruction(
+            at=at, instruction=instruction, keyword=keyword.upper, keyword_at=keyword.start, **said
+        )
         return (flow.Step(line=line), *behind)
 
-    def _unread_options(self, found: Reader, at: Span) -> flow.Block:
+    def _unread_options(self, found: TpReader, at: Span) -> flow.Block:
         """What the rest of a motion that is not understood may do: call, set registers, and lead to any label."""
         nodes, rest = list[flow.Node](), found.words[found.number - 1 :]
         self.computed = self.computed or any(word.upper == "SKIP" for word in rest)
@@ -714,7 +716,7 @@ class Lowering:
                 nodes += self._perhaps(at, "CALL", self._called(found, at, moves=False))
         return tuple(nodes)
 
-    def _options(self, found: Reader, at: Span, said: Said, behind: list[flow.Node]) -> None:
+    def _options(self, found: TpReader, at: Span, said: Said, behind: list[flow.Node]) -> None:
         """Read what stands behind the termination of a motion.
 
         Args:
@@ -754,7 +756,7 @@ class Lowering:
                 elif name not in _WITHOUT_EFFECT or not _VALUE.fullmatch(rest):
                     raise found.problem(f"its option '{word.text[: len(name)]}{rest}' is not provided for")
 
-    def _stuck(self, found: Reader, word: Word, start: int) -> str:
+    def _stuck(self, found: TpReader, word: Word, start: int) -> str:
         """Text from a character of a word to the next blank outside of brackets."""
         opened = word.text == "["
         while found.sticks or opened:
@@ -764,7 +766,7 @@ class Lowering:
                 opened = False
         return self.listing.text[start : found.end]
 
-    def _skipping(self, found: Reader, at: Span) -> flow.Block:
+    def _skipping(self, found: TpReader, at: Span) -> flow.Block:
         """Read where a motion leads that met nothing, and the register that holds where it ended."""
         found.expect(",")
         jump = self._jump(found, at)
@@ -782,7 +784,7 @@ class Lowering:
         hole = Hole(at=at, why=RUN_TIME)
         return (_branch(Check(at=at, conditions=(hole,)), name, hole, nodes),)
 
-    def _timed(self, found: Reader, at: Span, option: Word) -> flow.Block:
+    def _timed(self, found: TpReader, at: Span, option: Word) -> flow.Block:
         """Read what is done at a time or distance from the target: a call, or an output that is set.
 
         Raises:
@@ -810,7 +812,7 @@ class Lowering:
         except Unresolved:
             raise found.problem(wrong) from None
 
-    def _output(self, found: Reader, at: Span) -> flow.Block:
+    def _output(self, found: TpReader, at: Span) -> flow.Block:
         """Read an output that is set at a time of a motion."""
         target = found.single()
         found.expect("=")
@@ -825,7 +827,7 @@ class Lowering:
         return ()
 
 
-def _text_from(found: Reader, start: Word) -> str:
+def _text_from(found: TpReader, start: Word) -> str:
     """The words from one to the one read last, without blanks between them."""
     first = next(k for k, word in enumerate(found.words) if word is start)
     return "".join(word.text for word in found.words[first : found.number])
@@ -860,7 +862,7 @@ def lowered(listings: Mapping[int, Listing]) -> tuple[dict[int, Routine], list[t
     for routine in routines.values():
         name = routine.name.upper()
         programs[name] = (*programs.get(name, ()), routine)
-    others = Named(programs=programs)
+    others = Callees(programs=programs)
     for file, listing in listings.items():
         Lowering(listing, file, others).lower(routines[file])
     return routines, others.strange

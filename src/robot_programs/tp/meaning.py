@@ -34,8 +34,8 @@ from robot_programs.tp.listing import (
     Register,
     Variables,
 )
-from robot_programs.tp.lower import ACTIVE, KINDS, RUN_TIME, SET, MotionLine, Operand, spelled
-from robot_programs.tp.rewrite import Shifts, Site, Written
+from robot_programs.tp.lower import ACTIVE, KINDS, RUN_TIME, SET, MotionInstruction, NamedPosition, spelled
+from robot_programs.tp.rewrite import Shifts, TpSite, WrittenPosition
 from taskcal_groundwork import se3
 from taskcal_groundwork.errors import InputError
 
@@ -99,7 +99,7 @@ _NUMBERED = re.compile(r"(?P<kind>UFRAME|UTOOL)[ _]?\[?(?P<number>\d{1,3})\]?", 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Frames:
+class ProgramFrames:
     """Frames of a program; each is made once, so that one frame is one object."""
 
     variables: Variables
@@ -181,7 +181,7 @@ SAME_FRAME = 1e-5
 """Two statements of a frame agree if they differ by no more, metres and entries of the rotation."""
 
 
-def check_given(frames: Frames) -> None:
+def check_given(frames: ProgramFrames) -> None:
     """See that no frame is given otherwise than the files of variables state it.
 
     Raises:
@@ -248,7 +248,7 @@ class TpMeaning(Meaning):
     sources: Sequence[Source]
     listings: Mapping[int, Listing]
     """By numbers of the files."""
-    frames: Frames
+    frames: ProgramFrames
     robot: Robot
     known: dict[Key, Any] = field(default_factory=dict[Key, Any])
     """What is declared, made once."""
@@ -347,7 +347,7 @@ class TpMeaning(Meaning):
 
     def motion(self, line: Any, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
         """The motion of an instruction, with its positions as they are written."""
-        assert isinstance(line, MotionLine)
+        assert isinstance(line, MotionInstruction)
         file, source = line.at[0], self.sources[line.at[0]]
         active = {name: int(v) if isinstance(v := settings[name], float) else None for name in ACTIVE}
         offset = self._offset(line, settings)
@@ -385,7 +385,7 @@ class TpMeaning(Meaning):
         stands = [one.start if one.position is not None else (one.numbers, one.stated.configuration) for one in written]
         set_frames = [settings[key].part(n) for key, n in zip(("UFRAME", "UTOOL"), written[-1].numbers, strict=True)]
         shifts = [settings[setting] for _, setting in line.offsets]
-        site = Site(
+        site = TpSite(
             file=file,
             listing=self.listings[file],
             motion=line,
@@ -394,7 +394,7 @@ class TpMeaning(Meaning):
         )
         return FoundMotion(motion=motion, written=site, meaning=(*numbers, *stands, frame, tool, motion.speed))
 
-    def _offset(self, line: MotionLine, settings: Mapping[str, Any]) -> Shifts:
+    def _offset(self, line: MotionInstruction, settings: Mapping[str, Any]) -> Shifts:
         """Shifts in the user frame and in the tool.
 
         Raises:
@@ -418,8 +418,8 @@ class TpMeaning(Meaning):
         return shifts["Offset"], shifts["Tool_Offset"]
 
     def _written(
-        self, file: int, operand: Operand, value: Any, active: Mapping[str, int | None], offset: Shifts
-    ) -> Written:
+        self, file: int, operand: NamedPosition, value: Any, active: Mapping[str, int | None], offset: Shifts
+    ) -> WrittenPosition:
         """A position as it is written, with the frames that it counts from.
 
         Raises:
@@ -447,7 +447,7 @@ class TpMeaning(Meaning):
                     "controller stops"
                 )
             numbers.append(number)
-        return Written(
+        return WrittenPosition(
             operand=operand,
             position=position,
             origin=origin,
@@ -477,7 +477,9 @@ class TpMeaning(Meaning):
         frame, tool = found
         return frame, tool
 
-    def _target(self, written: Written, line: MotionLine, tool: Frame, frame: Frame, source: Source) -> Target:
+    def _target(
+        self, written: WrittenPosition, line: MotionInstruction, tool: Frame, frame: Frame, source: Source
+    ) -> Target:
         place, name, stated = source.place(written.start), written.operand.name, written.stated
         if not stated.is_pose:
             return self._to_joints(stated.joints(len(self.robot.joint_names)), line, tool, frame, name, place)
@@ -485,7 +487,9 @@ class TpMeaning(Meaning):
         posture: Posture = Configuration.parse(stated.configuration)
         return Target(name=name, T=shift @ stated.pose() @ tool_shift, q=None, posture=posture, place=place)
 
-    def _to_joints(self, q: np.ndarray, line: MotionLine, tool: Frame, frame: Frame, name: str, place: Place) -> Target:
+    def _to_joints(
+        self, q: np.ndarray, line: MotionInstruction, tool: Frame, frame: Frame, name: str, place: Place
+    ) -> Target:
         if line.offsets:
             raise Unresolved("offset of a joint position is not supported; program the position in Cartesian form")
         if line.keyword == "J":

@@ -13,17 +13,17 @@ from robot_programs.core.program import Diagnostic, Frame, Motion, Reason, Visit
 from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.source import Source
 from robot_programs.tp.listing import Listing, is_variables, read_variables
-from robot_programs.tp.lower import MotionLine, lowered
+from robot_programs.tp.lower import MotionInstruction, lowered
 from robot_programs.tp.meaning import (
     KINDS_OF_FRAMES,
-    Frames,
     GivenFrames,
+    ProgramFrames,
     TpMeaning,
     check_given,
     frames_by_number,
     world_in_base,
 )
-from robot_programs.tp.rewrite import Site, TpProgram
+from robot_programs.tp.rewrite import TpProgram, TpSite
 from taskcal_groundwork import se3
 from taskcal_groundwork.errors import FileError
 
@@ -66,7 +66,7 @@ def read_tp(
 
 def _read(
     sources: Sequence[Source], robot: Robot | None, tools: GivenFrames, parts: GivenFrames
-) -> tuple[TpProgram, Frames]:
+) -> tuple[TpProgram, ProgramFrames]:
     """A program, and its frames; arguments as of `read_tp`."""
     listings = {i: Listing(source.text) for i, source in enumerate(sources) if not is_variables(source)}
     if not listings:
@@ -74,12 +74,12 @@ def _read(
     for i, listing in listings.items():
         _check(sources[i], listing)
     T_base_world = np.eye(4) if robot is None else world_in_base(robot)
-    frames = Frames(variables=read_variables(sources), T_base_world=T_base_world, tools=tools, parts=parts)
+    frames = ProgramFrames(variables=read_variables(sources), T_base_world=T_base_world, tools=tools, parts=parts)
     check_given(frames)
     routines, strange = lowered(listings)
     meaning = TpMeaning(sources=sources, listings=listings, frames=frames, robot=robot or NO_ROBOT)
     findings = interpreted(tuple(routines.values()), meaning).findings
-    motions, sites = list[Motion](), list[Site]()
+    motions, sites = list[Motion](), list[TpSite]()
     for one in findings.ordered(lambda found: found.text not in findings.reasons, lambda line: line.at):
         site, once = one.motion.written, one.same_text == 1
         motions.append(
@@ -117,7 +117,7 @@ Placed = tuple[tuple[int, int], Diagnostic]
 def _left(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> Iterator[Placed]:
     """Motions that are not understood, and why."""
     for line, (_, reason) in findings.reasons.items():
-        assert isinstance(line, MotionLine)
+        assert isinstance(line, MotionInstruction)
         place = sources[line.at[0]].place(line.keyword_at)
         yield line.at[:2], Diagnostic(place=place, text=reason, unread=True)
 
@@ -125,7 +125,7 @@ def _left(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> I
 def _unresolved(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> Iterator[Visit]:
     """Positions to which they go."""
     for line in findings.reasons:
-        assert isinstance(line, MotionLine)
+        assert isinstance(line, MotionInstruction)
         place = sources[line.at[0]].place(line.keyword_at)
         for operand in line.operands:
             if operand.number is not None:
@@ -143,7 +143,7 @@ def _strange(calls: Sequence[tuple[int, int, str]], sources: Sequence[Source]) -
         yield (file, start), Diagnostic(place=sources[file].place(start), text=text)
 
 
-def _remarks(sites: Sequence[Site], sources: Sequence[Source]) -> Iterator[Placed]:
+def _remarks(sites: Sequence[TpSite], sources: Sequence[Source]) -> Iterator[Placed]:
     """What is to be known of motions that are understood."""
     said = set[Move]()
     for site in sites:

@@ -20,9 +20,9 @@ from robot_programs.tp.listing import (
     JOINTS,
     METRES_PER_SECOND,
     Configuration,
-    Group,
     Instruction,
     Listing,
+    MotionGroup,
     Position,
     Register,
     edits_for,
@@ -30,7 +30,7 @@ from robot_programs.tp.listing import (
     listed,
     pose_values,
 )
-from robot_programs.tp.lower import MotionLine, Operand
+from robot_programs.tp.lower import MotionInstruction, NamedPosition
 from taskcal_groundwork import se3
 from taskcal_groundwork.errors import InputError
 
@@ -46,15 +46,15 @@ Shifts = tuple[Pose, Pose]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Written:
+class WrittenPosition:
     """A position of a motion as it is written."""
 
-    operand: Operand
+    operand: NamedPosition
     position: Position | None
     """None of a register."""
     origin: Origin | None
     """Where its numbers stand; None of a register."""
-    stated: Group | Register
+    stated: MotionGroup | Register
     """The position's values of the robot's group; or the register, whose value no program states."""
     numbers: tuple[int, int]
     """Of user frame and tool."""
@@ -77,13 +77,13 @@ class Written:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Site:
+class TpSite:
     """A motion's place in the text."""
 
     file: int
     listing: Listing
-    motion: MotionLine
-    written: tuple[Written, ...]
+    motion: MotionInstruction
+    written: tuple[WrittenPosition, ...]
     from_memory: bool
     """It depends on registers of the controller."""
 
@@ -99,7 +99,7 @@ class TpProgram(SharingProgram):
 
     LANGUAGE: ClassVar = "TP"
 
-    sites: tuple[Site, ...] = ()
+    sites: tuple[TpSite, ...] = ()
     unresolved: tuple[Visit, ...] = ()
     """Positions of motions that were not resolved."""
 
@@ -147,7 +147,7 @@ class TpProgram(SharingProgram):
         yield from self.unresolved
 
 
-def own_text(source: Source, written: Written) -> str:
+def own_text(source: Source, written: WrittenPosition) -> str:
     """A position's text as it stands, from its number's closing bracket on; of a register, that of one with what it holds."""
     position, stated = written.position, written.stated
     if position is not None:
@@ -157,10 +157,10 @@ def own_text(source: Source, written: Written) -> str:
     return listed(written.numbers, values, configuration, source.newline)
 
 
-def position_text(source: Source, robot: Robot, written: Written, waypoint: Waypoint) -> str:
+def position_text(source: Source, robot: Robot, written: WrittenPosition, waypoint: Waypoint) -> str:
     """A position's text for a waypoint, from its number's closing bracket on; `source` has the one that is written."""
     stated, configuration = written.stated, None
-    position, near = written.position, stated if isinstance(stated, Group) else None
+    position, near = written.position, stated if isinstance(stated, MotionGroup) else None
     if stated.is_pose:
         assert waypoint.T is not None
         values = pose_values(written.without_offset(waypoint.T), near)
@@ -255,7 +255,7 @@ class TpSpelling(Spelling[str]):
             self._instruction(site, waypoint, stops=stops) for waypoint in path[:-1]
         ]
 
-    def _instruction(self, site: Site, waypoint: Waypoint, *, stops: bool) -> str:
+    def _instruction(self, site: TpSite, waypoint: Waypoint, *, stops: bool) -> str:
         motion, own, source = site.motion, site.motion.instruction, self.sources[site.file]
         edits: list[TextEdit] = []
         for written, point in zip(site.written, points_of(len(site.written), waypoint), strict=True):

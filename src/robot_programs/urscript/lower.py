@@ -38,8 +38,8 @@ from robot_programs.urscript.syntax import (
     MAX_BLOCKS,
     OPERATORS,
     PREFIXES,
-    Statement,
-    Unit,
+    ScriptStatement,
+    ScriptUnit,
     not_understood,
     plain_name,
 )
@@ -105,7 +105,7 @@ CORRECTED = "a target corrected at run time"
 class Function(Routine):
     """A routine with its text."""
 
-    unit: Unit
+    unit: ScriptUnit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,7 +113,7 @@ class MotionCall(Move):
     """A motion as it is called."""
 
     name: str
-    scope: "Scope"
+    scope: "FunctionScope"
     """Of the function that it stands in."""
     given: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
     """Arguments by their names."""
@@ -131,13 +131,13 @@ def by_name(names: Sequence[str], items: Sequence[Expression], keys: Sequence[st
     return given if len(given) == len(keys) and given.keys() <= set(names) else None
 
 
-class _Reader(Cursor):
+class _UrscriptReader(Cursor):
     """Expressions of URScript."""
 
     BINDING: ClassVar = OPERATORS
     PREFIXES: ClassVar = PREFIXES
 
-    def __init__(self, found: Sequence[Word], scope: "Scope"):
+    def __init__(self, found: Sequence[Word], scope: "FunctionScope"):
         super().__init__(found, scope.unit.file)
         self.scope = scope
         self.bracketed = list[Expression]()
@@ -255,7 +255,7 @@ def _number(text: str) -> float:
 
 
 @dataclass(eq=False, kw_only=True)
-class Lowered:
+class LoweredUrscript:
     """A program that is lowered."""
 
     routines: Sequence[Function]
@@ -276,12 +276,12 @@ class Lowered:
     """What the program switches on that moves the tool away from its targets, as data."""
     by_name: dict[str, list[Function]] = field(default_factory=dict[str, list[Function]])
     """Functions by name."""
-    moved_by_hand: frozenset[Unit] = frozenset()
+    moved_by_hand: frozenset[ScriptUnit] = frozenset()
     """Functions of threads alone."""
     settings: dict[object, Mapping[str, Expression]] = field(default_factory=dict[object, Mapping[str, Expression]])
     """On what motions depend beside their points, shared by those that say the same."""
 
-    def reached(self, units: Iterable[Unit]) -> set[Unit]:
+    def reached(self, units: Iterable[ScriptUnit]) -> set[ScriptUnit]:
         """Some units, and all that they call."""
         return flow.reached(units, lambda unit: (one.unit for name in unit.calls for one in self.by_name.get(name, ())))
 
@@ -290,7 +290,7 @@ _BESIDE = ("thread", "sec")
 """Kinds of units that run beside the lines of others."""
 
 
-def lowered(units: Sequence[Unit], tool: Frame | None, corrects: str) -> Lowered:
+def lowered(units: Sequence[ScriptUnit], tool: Frame | None, corrects: str) -> LoweredUrscript:
     """Routines of a program.
 
     Args:
@@ -312,7 +312,7 @@ def lowered(units: Sequence[Unit], tool: Frame | None, corrects: str) -> Lowered
     ]  # fmt: skip
     called = {name for unit in units for name in unit.calls}
     modes = sorted({_MODES[name] for name in called & _MODES.keys()})
-    found = Lowered(
+    found = LoweredUrscript(
         routines=routines,
         corrects=corrects,
         shared=frozenset(name for unit in units for name in unit.shared),
@@ -325,7 +325,7 @@ def lowered(units: Sequence[Unit], tool: Frame | None, corrects: str) -> Lowered
             found.by_name.setdefault(routine.name, []).append(routine)
     of_threads = found.reached(unit for unit in units if unit.kind in _BESIDE)
     found.moved_by_hand = frozenset(of_threads - found.reached(unit for unit in units if unit not in of_threads))
-    scopes = {routine: Scope(routine=routine, others=found) for routine in routines}
+    scopes = {routine: FunctionScope(routine=routine, others=found) for routine in routines}
     for routine, scope in scopes.items():
         routine.parameters = tuple(scope.key(name) for name, _ in routine.unit.parameters)
     for routine, scope in scopes.items():
@@ -335,11 +335,11 @@ def lowered(units: Sequence[Unit], tool: Frame | None, corrects: str) -> Lowered
 
 
 @dataclass(eq=False, kw_only=True)
-class Scope:
+class FunctionScope:
     """A function that is lowered, and what names mean in it."""
 
     routine: Function
-    others: Lowered
+    others: LoweredUrscript
     steps: list[flow.Node] = field(default_factory=list[flow.Node])
     """What functions of the language do in the statement that is read."""
     loops: list[str] = field(default_factory=list[str])
@@ -347,7 +347,7 @@ class Scope:
     keys: dict[str, Key] = field(default_factory=dict[str, Key])
 
     @property
-    def unit(self) -> Unit:
+    def unit(self) -> ScriptUnit:
         """Its text."""
         return self.routine.unit
 
@@ -431,7 +431,7 @@ class Scope:
         if not words:
             return Hole(at=at, why=f"{routine.name} is not given {name}")
         try:
-            return _Reader(words, Scope(routine=routine, others=self.others)).all()
+            return _UrscriptReader(words, FunctionScope(routine=routine, others=self.others)).all()
         except Unresolved as why:
             return Hole(at=at, why=str(why))
 
@@ -481,11 +481,11 @@ class Scope:
         if programs:
             yield flow.Step(line=Arming(at=at, routines=programs))
 
-    def block(self, statements: Iterable[Statement]) -> tuple[flow.Node, ...]:
+    def block(self, statements: Iterable[ScriptStatement]) -> tuple[flow.Node, ...]:
         """Nodes of some statements."""
         return tuple(node for statement in statements for node in self._statement(statement))
 
-    def _statement(self, statement: Statement) -> list[flow.Node]:
+    def _statement(self, statement: ScriptStatement) -> list[flow.Node]:
         found, at = statement.words, (self.unit.file, statement.start, statement.begins)
         match statement.first:
             case "if":
@@ -511,7 +511,7 @@ class Scope:
         )  # fmt: skip
         return [*(flow.Step(line=one) for one in motions), flow.Unknown(line=Do(at=at, routines=routines, moves=True))]
 
-    def _head(self, statement: Statement) -> tuple[Expression, list[flow.Node]]:
+    def _head(self, statement: ScriptStatement) -> tuple[Expression, list[flow.Node]]:
         """The condition of a header, and what functions in it do.
 
         Raises:
@@ -521,13 +521,13 @@ class Scope:
         try:
             if statement.words[-1].text != ":":
                 raise Unresolved("its colon is missing")
-            return _Reader(statement.words[1:-1], self).all(), self.steps
+            return _UrscriptReader(statement.words[1:-1], self).all(), self.steps
         except Unresolved:
             if statement.first == "elif":
                 raise
             raise not_understood(self.unit.source, statement) from None
 
-    def _arm(self, head: Statement) -> tuple[flow.Arm, list[flow.Node]]:
+    def _arm(self, head: ScriptStatement) -> tuple[flow.Arm, list[flow.Node]]:
         """A branch, and what functions in its condition do."""
         broken: list[flow.Node] = []
         try:
@@ -542,7 +542,7 @@ class Scope:
         return flow.Arm(condition=condition, body=(*broken, *self.block(head.body))), steps
 
     def _branches(
-        self, arms: Sequence[Statement], read: tuple[flow.Arm, list[flow.Node]] | None = None, depth: int = 0
+        self, arms: Sequence[ScriptStatement], read: tuple[flow.Arm, list[flow.Node]] | None = None, depth: int = 0
     ) -> list[flow.Node]:
         """Nodes of some branches, of which the first may have been read already."""
         first, *others = arms
@@ -568,7 +568,7 @@ class Scope:
         line = Check(at=at, conditions=conditions)
         return [*before, flow.Branches(line=line, name="if", arms=tuple(found))]
 
-    def _loop(self, statement: Statement) -> list[flow.Node]:
+    def _loop(self, statement: ScriptStatement) -> list[flow.Node]:
         condition, before = self._head(statement)
         at, label = (self.unit.file, statement.start, statement.begins), str(statement.start)
         self.loops.append(label)
@@ -599,7 +599,7 @@ class Scope:
             case ["return"]:
                 yield flow.Leave(line=None, way="return")
             case ["return", *_]:
-                yield flow.Leave(line=Return(at=at, conditions=(_Reader(found[1:], self).all(),)), way="return")
+                yield flow.Leave(line=Return(at=at, conditions=(_UrscriptReader(found[1:], self).all(),)), way="return")
             case ["pass"]:
                 pass
             case ["kill" | "join" | "enter_critical" | "exit_critical", behind, *_] if behind != "=":
@@ -613,25 +613,27 @@ class Scope:
         scope = found[0].text in ("global", "local")
         last = value[0] if value else target
         if last and last[0].text == "run":
-            call = _Reader(found[len(found) - len(last) + 1 :], self).all()  # the handle of a thread is no value
+            call = _UrscriptReader(
+                found[len(found) - len(last) + 1 :], self
+            ).all()  # the handle of a thread is no value
             if not isinstance(call, Ask | Op | Hole):
                 raise Unresolved("what is run is not called")
             if isinstance(call, Ask):
                 yield flow.Step(line=Arming(at=at, routines=call.routines))
         elif value:
-            ref = _Reader(target[scope:], self).all()
+            ref = _UrscriptReader(target[scope:], self).all()
             if not isinstance(ref, Ref):
                 raise Unresolved("what is set is no variable")
-            expression = _Reader(found[len(target) + 1 :], self).all()
+            expression = _UrscriptReader(found[len(target) + 1 :], self).all()
             yield flow.Step(line=Assign(at=at, target=ref, value=expression))
         elif scope:
-            if not isinstance(_Reader(found[1:], self).all(), Ref):
+            if not isinstance(_UrscriptReader(found[1:], self).all(), Ref):
                 raise Unresolved("what is declared is no variable")
         else:
             yield from self._evaluated(found, at)
 
     def _evaluated(self, found: Sequence[Word], at: Span) -> Iterator[flow.Node]:
-        reader = _Reader(found, self)
+        reader = _UrscriptReader(found, self)
         first = reader.next.text
         if first in MOTIONS and first not in self.others.by_name and reader.behind_next.text == "(":
             name, _ = reader.take().text, reader.take()

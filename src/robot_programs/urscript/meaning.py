@@ -13,7 +13,7 @@ from robot_programs.core.program import Frame, Motion, MotionKind, NearPosture, 
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source
 from robot_programs.core.values import Lost, Origin, Structure
-from robot_programs.urscript.lower import FEATURE, MOTIONS, POINTS, Lowered, MotionCall
+from robot_programs.urscript.lower import FEATURE, MOTIONS, POINTS, LoweredUrscript, MotionCall
 from robot_programs.urscript.values import (
     IN_FEATURE,
     INVERSE,
@@ -63,7 +63,7 @@ class Feature:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Point:
+class WrittenTarget:
     """A target of a motion as it is written."""
 
     slot: Expression
@@ -101,11 +101,11 @@ def slot_of(argument: Expression) -> tuple[Expression, bool]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Site:
+class UrscriptSite:
     """A motion's place in the text."""
 
     line: MotionCall
-    points: tuple[Point, ...]
+    points: tuple[WrittenTarget, ...]
 
     @property
     def file(self) -> int:
@@ -132,7 +132,7 @@ class UrscriptMeaning(Meaning):
     UNSEEN: ClassVar = "is set in a thread"
 
     sources: Sequence[Source]
-    program: Lowered
+    program: LoweredUrscript
     robot: Robot | None
     part: Frame
     """Of motions that name no feature."""
@@ -275,14 +275,14 @@ class UrscriptMeaning(Meaning):
             *((one.literal, one.values, one.feature) for one in own), motion.tool, motion.speed, motion.zone, motion.divisible,
             str(end.posture), bits,
         )  # fmt: skip
-        return FoundMotion(motion=motion, written=Site(line=line, points=own), meaning=meaning)
+        return FoundMotion(motion=motion, written=UrscriptSite(line=line, points=own), meaning=meaning)
 
     def _part(self, feature: Feature | None) -> Frame:
         return self.part if feature is None else self.frame(feature.name, feature.frame)
 
     def _target(
         self, line: MotionCall, written: Any, value: Any, settings: Mapping[str, Any], kind: MotionKind
-    ) -> tuple[Target, Point]:
+    ) -> tuple[Target, WrittenTarget]:
         """Target of a motion, and where the text states it."""
         tool, (slot, framed) = settings["tcp"], slot_of(written)
         name = slot.name if isinstance(slot, Ref) and not any(isinstance(step, tuple) for step in slot.path) else ""
@@ -298,7 +298,7 @@ class UrscriptMeaning(Meaning):
         moved = featured(value) if value.kind == POSE else None
         feature = None if moved is None else Feature.of(moved)
         held = settings.get("" if feature is None else FEATURE.format(feature.name))
-        point = Point(
+        point = WrittenTarget(
             slot=slot, framed=framed and value.kind == POSE, literal=value.origin, joints=value.kind == LIST,
             named=framed or (feature is not None and isinstance(held, Structure) and _is(held, feature.frame)),
             values=values if moved is None else moved.part("stated"), feature=feature, T=self._part(feature).T,

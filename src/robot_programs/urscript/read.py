@@ -9,10 +9,10 @@ from robot_programs.core.interpreter import Interpreter, interpreted, known_moti
 from robot_programs.core.program import Diagnostic, Frame, Motion, Reason
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, uncollected
-from robot_programs.urscript.lower import MOTIONS, Lowered, MotionCall, lowered
-from robot_programs.urscript.meaning import Site, UrscriptMeaning
+from robot_programs.urscript.lower import MOTIONS, LoweredUrscript, MotionCall, lowered
+from robot_programs.urscript.meaning import UrscriptMeaning, UrscriptSite
 from robot_programs.urscript.rewrite import UrscriptProgram
-from robot_programs.urscript.syntax import Unit, parse
+from robot_programs.urscript.syntax import ScriptUnit, parse
 from taskcal_groundwork.errors import FileError
 
 BASE = "Base"
@@ -39,7 +39,7 @@ def read_urscript(
     Raises:
         FileError: a file is no URScript, its blocks and their ends do not match, or a header is not understood.
     """
-    units = list[Unit]()
+    units = list[ScriptUnit]()
     for number, source in enumerate(sources):
         if "\0" in source.text:
             raise FileError(source.path, "is a binary file; save the program as a .script file")
@@ -51,7 +51,7 @@ def read_urscript(
     meaning = UrscriptMeaning(sources=sources, program=program, robot=robot, part=part or Frame(name=BASE, T=np.eye(4)))
     routines = [one for one in program.routines if not (corrects and one.name.startswith(corrects))]
     found = interpreted(routines, meaning)
-    motions, sites = list[Motion](), list[Site]()
+    motions, sites = list[Motion](), list[UrscriptSite]()
     for move, one in known_motions(found.findings):
         motions.append(move)
         sites.append(one.motion.written)
@@ -84,7 +84,7 @@ def _left(found: Interpreter) -> Iterator[Said]:
         yield line.at[:2], f"{line.name} stays as it is: {reason}", True
 
 
-def _strange(program: Lowered) -> Iterator[Said]:
+def _strange(program: LoweredUrscript) -> Iterator[Said]:
     """Functions that no file has."""
     for name, places in program.strange.items():
         times = f" ({len(places)} times)" if len(places) > 1 else ""
@@ -96,7 +96,7 @@ def _strange(program: Lowered) -> Iterator[Said]:
         yield min(places), text, False
 
 
-def _by_hand(program: Lowered) -> Iterator[Said]:
+def _by_hand(program: LoweredUrscript) -> Iterator[Said]:
     """That a thread may let a person move the arm, at the first call that does."""
     if program.by_hand:
         text = "a thread may let a person move the arm; motions are those of an arm that stays where they left it"

@@ -32,8 +32,8 @@ from robot_programs.core.source import FreshNames, Source, TextEdit, numeral, re
 from robot_programs.core.values import Origin
 from robot_programs.core.written_out import Repeated, Turns
 from robot_programs.urscript.helper import Holders, made_of, with_function, wrap
-from robot_programs.urscript.lower import Function, Lowered, MotionCall
-from robot_programs.urscript.meaning import Point, Site, slot_of
+from robot_programs.urscript.lower import Function, LoweredUrscript, MotionCall
+from robot_programs.urscript.meaning import UrscriptSite, WrittenTarget, slot_of
 from robot_programs.urscript.syntax import REST_OF_LINE, WORD
 from robot_programs.urscript.values import Six, has_value, six_of
 from taskcal_groundwork import se3
@@ -59,9 +59,9 @@ class UrscriptProgram(SharingProgram):
 
     LANGUAGE: ClassVar = "URScript"
 
-    sites: tuple[Site, ...] = ()
+    sites: tuple[UrscriptSite, ...] = ()
     routines: tuple[Function, ...] = ()
-    program: Lowered
+    program: LoweredUrscript
     failing: tuple[MotionCall, ...] = ()
     """Motions that were not understood."""
     shifted: Set[MotionCall] = frozenset()
@@ -217,7 +217,7 @@ def _is_left(nodes: flow.Block) -> bool:
     )
 
 
-def _wanted(site: Site, waypoint: Waypoint) -> Iterator[Six]:
+def _wanted(site: UrscriptSite, waypoint: Waypoint) -> Iterator[Six]:
     """Numbers for the points of a motion at a waypoint."""
     points = (waypoint,) if waypoint.via is None else (waypoint.via, waypoint)
     for point, one in zip(site.points, points, strict=True):
@@ -226,11 +226,11 @@ def _wanted(site: Site, waypoint: Waypoint) -> Iterator[Six]:
         yield values if turns else (*values[:3], *point.values[3:])
 
 
-def _decimals(point: Point) -> list[int]:
+def _decimals(point: WrittenTarget) -> list[int]:
     return [RADIANS] * 6 if point.joints else [METRES] * 3 + [RADIANS] * 3
 
 
-def _text(point: Point, values: Six) -> str:
+def _text(point: WrittenTarget, values: Six) -> str:
     text = ("" if point.joints else "p") + _brackets(values, _decimals(point))
     return text if point.feature is None or point.framed else f"pose_trans({point.feature.name}, {text})"
 

@@ -85,12 +85,12 @@ def plain_name(name: str) -> str:
 
 
 @dataclass(eq=False, kw_only=True)
-class Statement:
+class ScriptStatement:
     """A statement, or a block: a header, what stands in it, and its end."""
 
     words: Sequence[Word]
-    body: "list[Statement]" = field(default_factory=list["Statement"])
-    others: "list[Statement]" = field(default_factory=list["Statement"])
+    body: "list[ScriptStatement]" = field(default_factory=list["ScriptStatement"])
+    others: "list[ScriptStatement]" = field(default_factory=list["ScriptStatement"])
     """Further branches of an ``if``."""
     end: Word | None = None
     """Of a block."""
@@ -114,7 +114,7 @@ class Statement:
 
 
 @dataclass(eq=False, kw_only=True)
-class Unit:
+class ScriptUnit:
     """A function, a thread, a secondary program, or what stands outside of these."""
 
     file: int
@@ -122,9 +122,9 @@ class Unit:
     kind: str
     """``def``, ``thread``, ``sec``, or empty."""
     name: str
-    parent: "Unit | None" = None
+    parent: "ScriptUnit | None" = None
     """In which it is defined."""
-    head: Statement
+    head: ScriptStatement
     parameters: tuple[tuple[str, Sequence[Word]], ...] = ()
     """Names with the words of their default values, if they have any."""
     own: set[str] = field(default_factory=set[str])
@@ -141,14 +141,16 @@ class Unit:
     """Variables that it sets to servers, whose functions stand behind their names."""
 
 
-def parse(source: Source, number: int) -> list[Unit]:
+def parse(source: Source, number: int) -> list[ScriptUnit]:
     """The functions of a file in the order of the text; what stands outside of all comes first.
 
     Raises:
         FileError: blocks and their ends do not match, or a header is not understood.
     """
-    blocks = _Blocks(source, number)
-    outside = Unit(file=number, source=source, kind="", name=source.path.stem, head=Statement(words=[Word("", "", 0)]))
+    blocks = _StatementReader(source, number)
+    outside = ScriptUnit(
+        file=number, source=source, kind="", name=source.path.stem, head=ScriptStatement(words=[Word("", "", 0)])
+    )
     blocks.units.append(outside)
     line = blocks.block(outside, outside.head.body, ())
     if line is not None:
@@ -158,12 +160,12 @@ def parse(source: Source, number: int) -> list[Unit]:
     return blocks.units
 
 
-def _refused(source: Source, line: Statement, why: str) -> FileError:
+def _refused(source: Source, line: ScriptStatement, why: str) -> FileError:
     text = shown(source.text[line.start : line.begins])
     return FileError(source.path, f"'{text}' {why}", line=source.line(line.start))
 
 
-def not_understood(source: Source, line: Statement) -> FileError:
+def not_understood(source: Source, line: ScriptStatement) -> FileError:
     """What is said of a header that is not understood."""
     return _refused(source, line, "is not understood, and what stands in its block neither")
 
@@ -171,17 +173,19 @@ def not_understood(source: Source, line: Statement) -> FileError:
 NO_IF = "belongs to no 'if'"
 
 
-class _Blocks:
+class _StatementReader:
     """Statements in the blocks of their functions."""
 
     def __init__(self, source: Source, number: int):
-        self.source, self.number, self.units = source, number, list[Unit]()
-        self.statements = (Statement(words=found) for found in _statements(source.text))
+        self.source, self.number, self.units = source, number, list[ScriptUnit]()
+        self.statements = (ScriptStatement(words=found) for found in _statements(source.text))
 
-    def refuse(self, line: Statement, why: str) -> FileError:
+    def refuse(self, line: ScriptStatement, why: str) -> FileError:
         return _refused(self.source, line, why)
 
-    def block(self, unit: Unit, body: list[Statement], around: tuple[Statement, ...]) -> Statement | None:
+    def block(
+        self, unit: ScriptUnit, body: list[ScriptStatement], around: tuple[ScriptStatement, ...]
+    ) -> ScriptStatement | None:
         """Read a block, up to what ends it or goes on with another branch; None at the end of the file."""
         for line in self.statements:
             if len(around) > MAX_BLOCKS:
@@ -202,7 +206,7 @@ class _Blocks:
                 self.noted(line, unit)
         return None
 
-    def branches(self, unit: Unit, line: Statement, around: tuple[Statement, ...]) -> None:
+    def branches(self, unit: ScriptUnit, line: ScriptStatement, around: tuple[ScriptStatement, ...]) -> None:
         """Read what stands behind a header, with all branches of an ``if``."""
         head = line
         while (behind := self.block(unit, head.body, around)) is not None and behind.first != "end":
@@ -215,7 +219,7 @@ class _Blocks:
             raise self.refuse(line, "is not closed by 'end'; the file is cut off, or an 'end' is missing")
         line.end = behind.words[0]
 
-    def function(self, line: Statement, parent: Unit, around: tuple[Statement, ...]) -> None:
+    def function(self, line: ScriptStatement, parent: ScriptUnit, around: tuple[ScriptStatement, ...]) -> None:
         """Read a function, a thread or a secondary program."""
         kind, *rest = line.words
         match rest:
@@ -224,14 +228,14 @@ class _Blocks:
             case _:
                 raise not_understood(self.source, line)
         own = {name for name, _ in parameters}
-        unit = Unit(
+        unit = ScriptUnit(
             file=self.number, source=self.source, kind=kind.text, name=name.text, parent=parent, head=line,
             parameters=parameters, own=own,
         )  # fmt: skip
         self.units.append(unit)
         self.branches(unit, line, (*around, line))
 
-    def parameter(self, line: Statement, found: Sequence[Word]) -> tuple[str, Sequence[Word]]:
+    def parameter(self, line: ScriptStatement, found: Sequence[Word]) -> tuple[str, Sequence[Word]]:
         match found:
             case [Word(kind="name") as name]:
                 return name.text, ()
@@ -240,14 +244,14 @@ class _Blocks:
             case _:
                 raise not_understood(self.source, line)
 
-    def leaves(self, line: Statement, around: tuple[Statement, ...]) -> None:
+    def leaves(self, line: ScriptStatement, around: tuple[ScriptStatement, ...]) -> None:
         """Find the loop that a statement leaves, or goes on with."""
         loop = next((one for one in reversed(around) if one.first != "if"), None)
         if loop is None or loop.first != "while":
             raise self.refuse(line, "is in no loop")
         loop.continued |= line.first == "continue"
 
-    def noted(self, line: Statement, unit: Unit) -> None:
+    def noted(self, line: ScriptStatement, unit: ScriptUnit) -> None:
         """Note what a statement sets and calls."""
         found = line.words
         for k in range(1, len(found)):

@@ -8,7 +8,7 @@ from robot_programs.core.program import Frame, Unresolved, missing_from
 from robot_programs.core.values import Lost
 from robot_programs.tp.listing import read_variables
 from robot_programs.tp.lower import SET
-from robot_programs.tp.meaning import Frames, GivenFrames, world_in_base
+from robot_programs.tp.meaning import GivenFrames, ProgramFrames, world_in_base
 from robot_programs.tp.read import read_tp
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
@@ -31,8 +31,8 @@ def test_an_arm_of_parallel_axes_has_none():
         world_in_base(load_robot("denso-hsr065a1"))
 
 
-def frames(**given: Frame | None) -> Frames:
-    return Frames(
+def frames(**given: Frame | None) -> ProgramFrames:
+    return ProgramFrames(
         variables=read_variables(backup()),
         T_base_world=world_in_base(R2000),
         tools=GivenFrames(alone=given.get("tool")),

@@ -9,26 +9,28 @@ from hypothesis import given
 from robot_programs.core.flow import Step
 from robot_programs.core.form import Lit, Ref
 from robot_programs.tp.listing import Listing
-from robot_programs.tp.lower import MotionLine, lowered
+from robot_programs.tp.lower import MotionInstruction, lowered
 from tests.laws.robots import generators
 from tests.robot_programs.tp.samples import degrees
 
 HEAD = "/PROG  A\n/MN\n   1:"
 
 
-def parse_motion(text: str) -> MotionLine | None:
+def parse_motion(text: str) -> MotionInstruction | None:
     """The motion that an instruction is; None where it is not one."""
     routines, _ = lowered({0: Listing(f"{HEAD}{text}\n/POS\n/END\n")})
-    lines = [node.line for node in routines[0].nodes if isinstance(node, Step) and isinstance(node.line, MotionLine)]
+    lines = [
+        node.line for node in routines[0].nodes if isinstance(node, Step) and isinstance(node.line, MotionInstruction)
+    ]
     return lines[0] if lines else None
 
 
-def speed_of(motion: MotionLine) -> float | None:
+def speed_of(motion: MotionInstruction) -> float | None:
     stated = motion.settings.get("speed")
     return stated.value * motion.speed_unit if isinstance(stated, Lit) and motion.speed_unit else None
 
 
-def shifts_of(motion: MotionLine) -> list[tuple[str, float]]:
+def shifts_of(motion: MotionInstruction) -> list[tuple[str, float]]:
     registers = [(kind, motion.settings[setting]) for kind, setting in motion.offsets]
     return [(kind, ref.path[0][0].value) for kind, ref in registers if isinstance(ref, Ref)]
 
