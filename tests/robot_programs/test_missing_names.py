@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from robot_programs.core.program import Program, Reason, Unresolved, missing_from, missing_in
+from robot_programs.core.program import Cause, Program, Unresolved, missing_from, missing_in
 from robot_programs.krl.read import read_krl
 from robot_programs.rapid.read import read_rapid
 from tests.robot_programs.krl import samples as krl
@@ -66,8 +66,8 @@ def test_names_of_the_text_are_missing_and_no_others(program):
 
 
 def test_a_reason_keeps_its_names_in_every_form():
-    tool = Reason("unknown tool 'a'", ("a", "tool"))
-    both = Reason(f"{tool}; and more", ("b", "data"), of=[Unresolved(tool)])
+    tool = Cause("unknown tool 'a'", ("a", "tool"))
+    both = Cause(f"{tool}; and more", ("b", "data"), of=[Unresolved(tool)])
     assert missing_in(both) == (("b", "data"), ("a", "tool"))
     assert missing_in(str(Unresolved(both))) == missing_in(both)
     assert missing_in(pickle.loads(pickle.dumps(both))) == missing_in(both)

@@ -11,8 +11,8 @@ import pytest
 
 from robot_programs import Edit, Frame, Language, Motion, Source, Target
 from robot_programs.core import flow
-from robot_programs.core.form import Assign, Check, Do, Hole, Lit, Move, Ref, Routine
-from robot_programs.core.interpreter import FoundMotion, Meaning, interpreted
+from robot_programs.core.form import Assign, Check, Do, Hole, Lit, MoveLine, Ref, Routine
+from robot_programs.core.interpreter import FoundMotion, LanguageMeaning, interpreted
 from robot_programs.core.kit import Cursor, named, words
 from robot_programs.core.program import Diagnostic, Unresolved
 from robot_programs.core.sharing import SharingProgram, Spelling, Use
@@ -69,16 +69,16 @@ class Lowering:
                 nodes = () if found.done else self.line(found.take().upper, found, at)
             except (Unresolved, KeyError) as why:  # of another line than a motion, what it names may be set by it
                 other = Do(at=at, changes=named(found.words, self.data), why=NOT_UNDERSTOOD, moves=True)
-                nodes = (flow.Step(line=Move(at=at, why=str(why)) if found.words[0].upper == "GO" else other),)
+                nodes = (flow.FlowStep(line=MoveLine(at=at, why=str(why)) if found.words[0].upper == "GO" else other),)
             self.open[-1][2][-1] += nodes
         self.routines["MAIN"].nodes = tuple(self.open[0][2][0])
 
     def line(self, word, found, at):
         match word:
             case "GO":
-                return (flow.Step(line=Move(at=at, points=(found.point(),))),)
+                return (flow.FlowStep(line=MoveLine(at=at, points=(found.point(),))),)
             case "DO":
-                return (flow.Step(line=Do(at=at, routines=(self.routines[found.take().upper],))),)
+                return (flow.FlowStep(line=Do(at=at, routines=(self.routines[found.take().upper],))),)
             case "LOOP":
                 one = Lit(at=at, value=1.0)
                 counter = Ref(at=at, name="the counter", key=at)
@@ -95,7 +95,7 @@ class Lowering:
                 found.number = 0
                 target = found.single()
                 found.expect("=")
-                return (flow.Step(line=Assign(at=at, target=target, value=found.point())),)
+                return (flow.FlowStep(line=Assign(at=at, target=target, value=found.point())),)
         return ()
 
     def closed(self, kind, check, bodies):
@@ -113,7 +113,7 @@ class Lowering:
 
 
 @dataclass(eq=False, kw_only=True)
-class ToyMeaning(Meaning):
+class ToyMeaning(LanguageMeaning):
     PASSES: ClassVar = 20
     SET: ClassVar = "is set to what is not known"
     source: Source

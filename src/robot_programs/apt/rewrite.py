@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.apt.syntax import CircleRecord, CircleTokens, MotionStatements, arc_through
-from robot_programs.core.kit import Word
+from robot_programs.core.kit import Token
 from robot_programs.core.program import SAME_POSE, Motion, Paths, Program, Unresolved, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, TextEdit, numeral, renumbered
@@ -155,7 +155,7 @@ class _Writing:
                 return out
 
 
-def _anew(words: Iterable[Word], values: Iterable[tuple[float, int]]) -> list[TextEdit]:
+def _anew(words: Iterable[Token], values: Iterable[tuple[float, int]]) -> list[TextEdit]:
     """Edits that put values, with their decimals, in the place of numbers; a record has more numbers than an arc."""
     return [
         TextEdit(start=word.start, end=word.end, text=numeral(float(value), decimals))

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.kit import Word, words
+from robot_programs.core.kit import Token, words
 from robot_programs.core.program import NUMBER, UNIT_TOLERANCE, Unresolved
 from robot_programs.core.source import lines_of
 from taskcal_groundwork import se3
@@ -35,7 +35,7 @@ MAX_NUMBER = 1e9
 """Of any number; no path has a larger one."""
 
 
-def numbers(found: Sequence[Word]) -> tuple[float, ...] | None:
+def numbers(found: Sequence[Token]) -> tuple[float, ...] | None:
     """Values of words, where all are numbers that a path may have."""
     if any(word.kind != "number" for word in found):
         return None
@@ -51,13 +51,13 @@ class Statement:
     """Its first word in capitals, ``$$`` of a comment."""
     text: str = ""
     """Of a comment or a line of text: what follows the word."""
-    tokens: tuple[Word, ...] = ()
+    tokens: tuple[Token, ...] = ()
     """From the first word on; empty for a comment or a line of text."""
     start: int
     end: int
 
     @cached_property
-    def arguments(self) -> tuple[Word, ...] | None:
+    def arguments(self) -> tuple[Token, ...] | None:
         """Arguments between commas after the slash; None where it is not so simple."""
         given, commas = self.tokens[2::2], self.tokens[3::2]
         if len(self.tokens) < 2:
@@ -138,7 +138,7 @@ _CARD_NUMBER = re.compile(r"(PT|CIR)\s+\d+\s*")
 
 def parse(text: str) -> Iterator[Statement]:
     """The statements of a text; those that a dollar sign continues are one."""
-    found: list[Word] = []
+    found: list[Token] = []
     for start, end in lines_of(text, start=text.startswith("\ufeff")):
         line = text[start:end]
         if not found:
@@ -158,7 +158,7 @@ def parse(text: str) -> Iterator[Statement]:
         yield _statement(found)
 
 
-def _statement(found: list[Word]) -> Statement:
+def _statement(found: list[Token]) -> Statement:
     if len(found) > 2 and found[1].text == ")":  # a label
         found = found[2:]
     word = " ".join(found[0].upper.split())
@@ -235,7 +235,7 @@ _LINE = f" , ( LINE / {' , '.join(6 * ['number'])} )"
 class CircleTokens:
     """Numbers of an arc."""
 
-    tokens: tuple[Word, ...]
+    tokens: tuple[Token, ...]
     """Centre and radius of the circle, centre and end of the line."""
     values: tuple[float, ...]
     second: tuple[int, int]
@@ -298,7 +298,7 @@ class CircleRecord:
 
     start: int
     """Its first character."""
-    tokens: tuple[Word, ...]
+    tokens: tuple[Token, ...]
     """Its numbers."""
     values: Float[np.ndarray, " n"]
     sense: float
@@ -365,7 +365,7 @@ class MotionStatements:
     """Behind the last character of its last statement."""
     body: int
     """First character of the statement that moves; of an arc the one with the circle."""
-    numbers: tuple[Word, ...]
+    numbers: tuple[Token, ...]
     """Of a point, and of the end behind a circle: three, or six with the tool's axis. Of an arc as CATIA writes it: its
     direction."""
     circle: CircleTokens | CircleRecord | None

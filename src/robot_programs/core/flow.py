@@ -1,7 +1,7 @@
 """The flow of a program: what its data hold where each motion begins, through calls, branches, loops and jumps.
 
 A language lowers the text of its routines to nodes: steps (motions, assignments, calls), branches, loops, labels, what leaves
-them, and what is not understood. `Walk` goes through the nodes of a routine; what a line makes of a `State`, and whether a
+them, and what is not understood. `FlowWalk` goes through the nodes of a routine; what a line makes of a `FlowState`, and whether a
 condition holds, is said by the language, which derives its own walk. What cannot be decided is gone through in all ways, and
 behind them holds what is the same in all.
 """
@@ -111,7 +111,7 @@ class Effects(Generic[R, Thing]):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Step:
+class FlowStep:
     """A motion, an assignment, a call, or whatever else control goes on behind."""
 
     line: Any
@@ -143,7 +143,7 @@ class Leave:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Group:
+class LineGroup:
     """Lines that belong together, in the order of the text."""
 
     line: Any
@@ -191,12 +191,12 @@ class Loop:
         return 1 + sum(1 for _ in lines_in(self.body))
 
 
-Node = Step | Unknown | Label | Leave | Group | Branches | Loop
+Node = FlowStep | Unknown | Label | Leave | LineGroup | Branches | Loop
 Block = tuple[Node, ...]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Body:
+class RoutineBody:
     """Nodes of a routine."""
 
     nodes: Block
@@ -215,7 +215,7 @@ def bodies_of(node: Node) -> tuple[Block, ...]:
     match node:
         case Branches():
             return tuple(arm.body for arm in node.arms)
-        case Loop() | Group():
+        case Loop() | LineGroup():
             return (node.body,)
         case _:
             return ()
@@ -236,7 +236,7 @@ def lines_in(nodes: Iterable[Node]) -> Iterator[Any]:
                 yield from lines_in(node.body)
                 if node.end is not None:
                     yield node.end
-            case Group():
+            case LineGroup():
                 yield from lines_in(node.body)
             case _:
                 yield node.line
@@ -308,7 +308,7 @@ def _jumps_to(nodes: Block, label: str) -> bool:
 def _may_end(nodes: Block) -> bool:
     """Whether a branch among some nodes leaves them, or leads back."""
     return any(isinstance(node, Branches) and any(_leaves(body) for body in bodies_of(node)) for node in nodes) or any(
-        _may_end(body) for node in nodes if isinstance(node, Group) for body in bodies_of(node)
+        _may_end(body) for node in nodes if isinstance(node, LineGroup) for body in bodies_of(node)
     )
 
 
@@ -329,7 +329,7 @@ def leaves_loop(nodes: Iterable[Node]) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class State:
+class FlowState:
     """State at a place of a program; languages add what they know."""
 
     last: int | None = None
@@ -388,7 +388,7 @@ class State:
         return self
 
 
-S = TypeVar("S", bound=State)
+S = TypeVar("S", bound=FlowState)
 
 ENTRY = -1
 """In place of the number of the last motion, in a routine that is summarised: that before it was entered."""
@@ -446,7 +446,7 @@ class Flow(ABC, Generic[S, R]):
     """By loop that was gone through turn by turn: its counter in each turn, the same each time; None where that is not so."""
 
     @abstractmethod
-    def body(self, routine: R) -> Body:
+    def body(self, routine: R) -> RoutineBody:
         """Nodes of a routine; the same each time."""
 
     @abstractmethod
@@ -454,7 +454,7 @@ class Flow(ABC, Generic[S, R]):
         """Name of a routine, for messages."""
 
     @abstractmethod
-    def walk(self, routine: R, inside: tuple[R, ...]) -> "Walk[S, R]":
+    def walk(self, routine: R, inside: tuple[R, ...]) -> "FlowWalk[S, R]":
         """A pass through a routine.
 
         Args:
@@ -586,7 +586,7 @@ class Flow(ABC, Generic[S, R]):
 
 
 @dataclass(eq=False, kw_only=True)
-class Walk(ABC, Generic[S, R]):
+class FlowWalk(ABC, Generic[S, R]):
     """One pass through a routine."""
 
     SCOUTS: ClassVar[int] = MAX_SCOUTS
@@ -605,7 +605,7 @@ class Walk(ABC, Generic[S, R]):
     # What a language says.
 
     @property
-    def body(self) -> Body:
+    def body(self) -> RoutineBody:
         """Nodes of the routine."""
         return self.flow.body(self.routine)
 
@@ -654,7 +654,7 @@ class Walk(ABC, Generic[S, R]):
         """State after text that was not understood."""
         return self.flow.anything("the text before it is not understood")
 
-    def within(self, group: Group, state: S) -> S:
+    def within(self, group: LineGroup, state: S) -> S:
         """State after lines that belong together."""
         return self.block(group.body, state)
 
@@ -724,15 +724,15 @@ class Walk(ABC, Generic[S, R]):
             state = self._node(node, state)
         return state
 
-    def _node(self, node: Step | Leave | Group | Branches | Loop, state: S) -> S:
+    def _node(self, node: FlowStep | Leave | LineGroup | Branches | Loop, state: S) -> S:
         match node:
-            case Step():
+            case FlowStep():
                 return self.step(node.line, state)
             case Branches():
                 return self._branches(node, self.asked(node.line, state, node))
             case Loop():
                 return self._loop(node, self.asked(node.line, state, node))
-            case Group():
+            case LineGroup():
                 return self.within(node, state)
             case Leave():
                 return self._leave(node, self.asked(node.line, state, node))

@@ -185,7 +185,7 @@ class Assign:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Move:
+class MoveLine:
     """A motion; languages add what they need of its text."""
 
     at: Span
@@ -243,7 +243,7 @@ class Check:
     counter: Ref | None = None
 
 
-Line = Assign | Move | Do | Arming | Check
+Line = Assign | MoveLine | Do | Arming | Check
 
 
 def expressions(line: Line) -> tuple[Expression, ...]:
@@ -251,7 +251,7 @@ def expressions(line: Line) -> tuple[Expression, ...]:
     match line:
         case Assign():
             return (line.value, *(index for part in line.target.path if isinstance(part, tuple) for index in part))
-        case Move():
+        case MoveLine():
             return (*line.points, *line.settings.values())
         case Do():
             return line.arguments

@@ -22,7 +22,7 @@ from robot_programs.core.form import (
     Key,
     Line,
     Lit,
-    Move,
+    MoveLine,
     Op,
     Rec,
     Ref,
@@ -33,7 +33,7 @@ from robot_programs.core.form import (
     expressions,
     inside,
 )
-from robot_programs.core.program import Motion, Reason, Unresolved
+from robot_programs.core.program import Cause, Motion, Unresolved
 from robot_programs.core.values import (
     Here,
     Lost,
@@ -69,7 +69,7 @@ class FoundMotion:
 
 
 def known_motions(
-    findings: flow.Findings[Move, FoundMotion],
+    findings: flow.Findings[MoveLine, FoundMotion],
 ) -> Iterator[tuple[Motion, flow.Ordered[FoundMotion]]]:
     """Motions in the order of the text, each with how it was found, but for those of lines that are not known on all ways."""
     reasons = findings.reasons
@@ -81,7 +81,7 @@ def known_motions(
         ), one  # fmt: skip
 
 
-class Meaning(ABC):
+class LanguageMeaning(ABC):
     """What a language says of its data and motions."""
 
     PASSES: ClassVar[int]
@@ -242,7 +242,7 @@ class Meaning(ABC):
 
     def lost(self, ref: Ref, name: str, reason: str) -> str:
         """What is said of a datum that is not known."""
-        return Reason(f"{name} {reason}", of=[reason])
+        return Cause(f"{name} {reason}", of=[reason])
 
     def called(self, ref: Ref, indices: Sequence[float]) -> str:
         """Name of a datum with its indices, for messages."""
@@ -254,17 +254,17 @@ class Meaning(ABC):
 
     def computed_index(self, name: str, why: Unresolved) -> Unresolved:
         """What is said where an index of a datum is not known."""
-        return Unresolved(Reason(f"the index of {name} is not known: {why}", of=[str(why)]))
+        return Unresolved(Cause(f"the index of {name} is not known: {why}", of=[str(why)]))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moment(flow.State):
+class Moment(flow.FlowState):
     """State at a place of a program, with the routines that may run beside it."""
 
     armed: frozenset[Routine] = frozenset()
 
     def joined(self, others: Sequence[Any], why: str) -> "Moment":
-        """Join the states after several ways; see `flow.State.joined`."""
+        """Join the states after several ways; see `flow.FlowState.joined`."""
         return replace(super().joined(others, why), armed=self.armed.union(*(other.armed for other in others)))
 
     def common(self, values: Sequence[Any], why: str) -> Any:
@@ -310,7 +310,7 @@ class ProgramChanges:
     unled: frozenset[Routine]
     """Routines of which is not followed how they are called."""
     apart: Mapping[Routine, frozenset[tuple[Key, Path, str]]]
-    """By routine: parts of data of `Meaning.apart` that are set on the ways through it, with what is said behind their names."""
+    """By routine: parts of data of `LanguageMeaning.apart` set on the ways through it, with what is said behind their names."""
 
     def by(self, line: Line) -> tuple[Ref, ...]:
         """What a line changes, with what it gives to be changed, but for what its routines change otherwise."""
@@ -331,7 +331,7 @@ def _run(line: Line, asks: Sequence[Ask]) -> frozenset[Routine]:
 
 def _moves(line: Line, asks: Sequence[Ask]) -> bool:
     """Whether a line moves the robot itself, or may, but for the routines that it calls."""
-    itself = isinstance(line, Move) or (isinstance(line, Do) and (line.moves or line.any))
+    itself = isinstance(line, MoveLine) or (isinstance(line, Do) and (line.moves or line.any))
     return itself or any(ask.moves for ask in asks)
 
 
@@ -351,7 +351,7 @@ Computed = Mapping[Ref, Set[Path]]
 """Parts to which assignments led whose indices are computed; the empty path stands for all."""
 
 
-def changes_of(routines: Sequence[Routine], meaning: Meaning, computed: Computed) -> ProgramChanges:
+def changes_of(routines: Sequence[Routine], meaning: LanguageMeaning, computed: Computed) -> ProgramChanges:
     """What the routines of a program change, those included that run beside.
 
     Args:
@@ -382,7 +382,7 @@ def changes_of(routines: Sequence[Routine], meaning: Meaning, computed: Computed
     returned = _returned(lines, asks)
     parts = {
         line: (*changed(line), *_handed((*asks.get(line, ()), line), returned))
-        for of in everything.values() for line in of if line in asks or not isinstance(line, Move | Arming)
+        for of in everything.values() for line in of if line in asks or not isinstance(line, MoveLine | Arming)
     }  # fmt: skip
     own = {
         routine: frozenset(ref.key for line in of for ref in parts.get(line, ())) for routine, of in everything.items()
@@ -418,7 +418,8 @@ def changes_of(routines: Sequence[Routine], meaning: Meaning, computed: Computed
     driving = moving
     if meaning.ARMED:
         lead = {
-            r: frozenset({True} if any(isinstance(line, Move) for line in of) else ()) for r, of in everything.items()
+            r: frozenset({True} if any(isinstance(line, MoveLine) for line in of) else ())
+            for r, of in everything.items()
         }
         driving = {r for r, found in flow.with_called({r: (own, calls[r]) for r, own in lead.items()}).items() if found}
     lent = {
@@ -477,11 +478,11 @@ def _set_apart(
     everything: Mapping[Routine, Sequence[Line]],
     calls: Mapping[Routine, frozenset[Routine]],
     parts: Mapping[Line, Sequence[Ref]],
-    meaning: Meaning,
+    meaning: LanguageMeaning,
     computed: Computed,
     always: Iterable[Routine],
 ) -> dict[Routine, frozenset[tuple[Key, Path, str]]]:
-    """Parts of data of `Meaning.apart` that routines set, with what runs beside all of them."""
+    """Parts of data of `LanguageMeaning.apart` that routines set, with what runs beside all of them."""
     keys = frozenset(meaning.apart)
     own = {
         routine: frozenset(
@@ -508,7 +509,7 @@ def _read(lines: Iterable[Line], asks: dict[Line, tuple[Ask, ...]]) -> set[Key]:
     """Data that some lines read; functions in them are noted."""
     found, shared = set[Key](), set[int]()
     for line in lines:
-        if isinstance(line, Move):  # many have the same settings
+        if isinstance(line, MoveLine):  # many have the same settings
             new = id(line.settings) not in shared
             shared.add(id(line.settings))
             whole = (*line.points, *line.settings.values()) if new else line.points
@@ -543,7 +544,7 @@ def _is_odd(nodes: flow.Block) -> bool:
     """Whether anything may happen in some nodes, so that no summary tells what did."""
     return any(
         isinstance(node, flow.Unknown)
-        or (isinstance(node, flow.Step) and isinstance(node.line, Do) and node.line.any)
+        or (isinstance(node, flow.FlowStep) and isinstance(node.line, Do) and node.line.any)
         or any(map(_is_odd, flow.bodies_of(node)))
         for node in nodes
     )
@@ -558,21 +559,23 @@ def _is_stated(ref: Ref) -> bool:
 class Interpreter(flow.Flow[Moment, Routine]):
     """A program that is gone through."""
 
-    meaning: Meaning
+    meaning: LanguageMeaning
     changes: ProgramChanges
-    findings: flow.Findings[Move, FoundMotion] = field(default_factory=flow.Findings[Move, FoundMotion])
-    bodies: dict[Routine, flow.Body] = field(default_factory=dict[Routine, flow.Body])
+    findings: flow.Findings[MoveLine, FoundMotion] = field(default_factory=flow.Findings[MoveLine, FoundMotion])
+    bodies: dict[Routine, flow.RoutineBody] = field(default_factory=dict[Routine, flow.RoutineBody])
     dim: dict[Key, Any] = field(default_factory=dict[Key, Any])
     """Declared values without what is set anywhere."""
     computed: dict[Ref, set[Path]] = field(default_factory=dict[Ref, set[Path]])
     """What was set by computed indices."""
-    met: dict[Move, tuple[list[Any], FoundMotion]] = field(default_factory=dict[Move, tuple[list[Any], FoundMotion]])
+    met: dict[MoveLine, tuple[list[Any], FoundMotion]] = field(
+        default_factory=dict[MoveLine, tuple[list[Any], FoundMotion]]
+    )
     """By line, the motion that was found last, with all on which it depends."""
     routines: Sequence[Routine]
     lent: Mapping[Key, str] = field(default_factory=dict[Key, str])
     """What may be changed on the ways that are gone through, with what is said behind its name."""
     aside: Mapping[Key, Any] = field(default_factory=dict[Key, Any])
-    """What is known of `Meaning.apart` on the ways that are gone through."""
+    """What is known of `LanguageMeaning.apart` on the ways that are gone through."""
     asides: dict[frozenset[Any], Mapping[Key, Any]] = field(default_factory=dict[frozenset[Any], Mapping[Key, Any]])
     """The same, by what is set there."""
     ends: dict[Routine, Moment] = field(default_factory=dict[Routine, Moment])
@@ -586,12 +589,12 @@ class Interpreter(flow.Flow[Moment, Routine]):
     )
     """What may happen beside the lines, by the routines that may run there."""
 
-    def body(self, routine: Routine) -> flow.Body:
+    def body(self, routine: Routine) -> flow.RoutineBody:
         """Nodes of a routine."""
         if routine not in self.bodies:
             backward, entered = flow.labels_of(routine.nodes, routine.handlers)
             size = 1 + sum(1 for _ in flow.lines_in(routine.nodes))
-            self.bodies[routine] = flow.Body(
+            self.bodies[routine] = flow.RoutineBody(
                 nodes=routine.nodes, handlers=routine.handlers, size=size, backward=backward, entered=entered | routine.unread
             )  # fmt: skip
         return self.bodies[routine]
@@ -701,7 +704,7 @@ class Interpreter(flow.Flow[Moment, Routine]):
 
     def found_all(self, routine: Routine) -> bool:
         """Whether all motions of a routine were found."""
-        return all(line in self.findings.seen for line in routine.lines if isinstance(line, Move))
+        return all(line in self.findings.seen for line in routine.lines if isinstance(line, MoveLine))
 
     def link(self, number: int, before: int | None) -> None:
         """Note the number of the motion before one."""
@@ -736,7 +739,7 @@ class Interpreter(flow.Flow[Moment, Routine]):
 
 
 @dataclass(eq=False, kw_only=True)
-class Walker(flow.Walk[Moment, Routine]):
+class Walker(flow.FlowWalk[Moment, Routine]):
     """One pass through a routine."""
 
     SCOUTS = 2
@@ -793,7 +796,7 @@ class Walker(flow.Walk[Moment, Routine]):
         try:
             return self.value(expression, state)
         except Unresolved as why:
-            return Lost(reason=str(why), told=True)  # which may be a `Reason`
+            return Lost(reason=str(why), told=True)  # which may be a `Cause`
 
     def held(self, ref: Ref, state: Moment) -> Any:
         """What a datum holds; where it is not known, `Lost` with what is to be said behind its name.
@@ -887,7 +890,7 @@ class Walker(flow.Walk[Moment, Routine]):
                 return True
         return False
 
-    # What a language says to `flow.Walk`, here for all of them.
+    # What a language says to `flow.FlowWalk`, here for all of them.
 
     def asked(self, line: Any, state: Moment, node: Node) -> Moment:
         """State after the functions in the conditions of a line."""
@@ -992,7 +995,7 @@ class Walker(flow.Walk[Moment, Routine]):
     def by_turns(self, loop: Loop, turns: int) -> bool:
         """Whether a counted loop is gone through turn by turn: if it moves the robot, or is short."""
         return turns * loop.size <= flow.MAX_TURNS or any(
-            isinstance(line, Move) or not self.flow.changes.moving.isdisjoint(self.flow.changes.run(line))
+            isinstance(line, MoveLine) or not self.flow.changes.moving.isdisjoint(self.flow.changes.run(line))
             for line in flow.lines_in(loop.body) if line is not None
         )  # fmt: skip
 
@@ -1051,7 +1054,7 @@ class Walker(flow.Walk[Moment, Routine]):
         match line:
             case Assign():
                 return self._set(line.target, self._handed(line.value, state), state)
-            case Move():
+            case MoveLine():
                 return self._move(line, state)
             case Do():
                 return self._do(line, state)
@@ -1218,7 +1221,7 @@ class Walker(flow.Walk[Moment, Routine]):
                 found[key] = self.flow.meaning.coerced(key, value)
         return found
 
-    def _move(self, line: Move, state: Moment) -> Moment:
+    def _move(self, line: MoveLine, state: Moment) -> Moment:
         flow_, findings = self.flow, self.flow.findings
         if (
             flow_.meaning.PLACES
@@ -1243,7 +1246,7 @@ class Walker(flow.Walk[Moment, Routine]):
             flow_.note_order(number, state.last)
         return self._moved(state, number if line.ends else None)
 
-    def _found(self, line: Move, state: Moment) -> FoundMotion:
+    def _found(self, line: MoveLine, state: Moment) -> FoundMotion:
         """The motion of a line, which is the one found last where all is the same on which it depends."""
         given, unknown = list[Any](), list[Unresolved]()
         for point in line.points:
@@ -1275,7 +1278,7 @@ class Walker(flow.Walk[Moment, Routine]):
         return found
 
 
-def interpreted(routines: Sequence[Routine], meaning: Meaning) -> Interpreter:
+def interpreted(routines: Sequence[Routine], meaning: LanguageMeaning) -> Interpreter:
     """A program that was gone through, from the routines that nothing calls.
 
     What is set by computed indices decides what holds where a program begins, and that may decide what they are: the program is
@@ -1293,7 +1296,7 @@ def interpreted(routines: Sequence[Routine], meaning: Meaning) -> Interpreter:
     return _gone_through(routines, meaning, {ref: {()} for ref in refs})
 
 
-def _gone_through(routines: Sequence[Routine], meaning: Meaning, computed: Computed) -> Interpreter:
+def _gone_through(routines: Sequence[Routine], meaning: LanguageMeaning, computed: Computed) -> Interpreter:
     """A program that was gone through once, with what is taken to be set by computed indices."""
     changes = changes_of(routines, meaning, computed)
     lines = sum(1 for routine in routines for _ in routine.lines)

@@ -10,7 +10,7 @@ from robot_programs.core.program import Unresolved
 from robot_programs.core.values import MAX_DEPTH
 
 
-class Word(NamedTuple):
+class Token(NamedTuple):
     """A word of a text."""
 
     kind: str
@@ -30,12 +30,12 @@ class Word(NamedTuple):
         return self.text.upper()
 
 
-NO_WORD = Word("", "", 0)
+NO_WORD = Token("", "", 0)
 
 OPENING, CLOSING = frozenset("([{"), frozenset(")]}")
 
 
-def words(table: re.Pattern[str], text: str, at: int) -> Iterator[Word]:
+def words(table: re.Pattern[str], text: str, at: int) -> Iterator[Token]:
     """Words of a text.
 
     Args:
@@ -46,15 +46,15 @@ def words(table: re.Pattern[str], text: str, at: int) -> Iterator[Word]:
     for match in table.finditer(text):
         kind = match.lastgroup or ""
         if kind != "space":
-            yield Word(kind, match[0], at + match.start())
+            yield Token(kind, match[0], at + match.start())
 
 
-def opens(word: Word) -> int:
+def opens(word: Token) -> int:
     """How many brackets a word opens; negative where it closes one."""
     return (word.text in OPENING) - (word.text in CLOSING)
 
 
-def parted(found: Sequence[Word], mark: str) -> Iterator[Sequence[Word]]:
+def parted(found: Sequence[Token], mark: str) -> Iterator[Sequence[Token]]:
     """Words between the marks of a kind that stand in no brackets."""
     depth, first = 0, 0
     for number, word in enumerate(found):
@@ -68,17 +68,17 @@ def parted(found: Sequence[Word], mark: str) -> Iterator[Sequence[Word]]:
 class Words:
     """Words of a line from left to right, letter case aside."""
 
-    def __init__(self, found: Sequence[Word]) -> None:
+    def __init__(self, found: Sequence[Token]) -> None:
         """Start before the first of some words."""
         self.words, self.number = found, 0
 
     @property
-    def next(self) -> Word:
+    def next(self) -> Token:
         """The next word; one without text at the end."""
         return self.words[self.number] if self.number < len(self.words) else NO_WORD
 
     @property
-    def behind_next(self) -> Word:
+    def behind_next(self) -> Token:
         """The word after that."""
         return self.words[self.number + 1] if self.number + 1 < len(self.words) else NO_WORD
 
@@ -102,7 +102,7 @@ class Words:
         """Whether the next word stands right behind the one before, without a blank."""
         return not self.done and self.next.start == self.end
 
-    def take(self) -> Word:
+    def take(self) -> Token:
         """Read a word.
 
         Raises:
@@ -133,7 +133,7 @@ class Words:
         if not self.accept(text):
             raise self.problem(f"'{text}' is missing")
 
-    def taken_to(self, *stops: str) -> tuple[Word, ...]:
+    def taken_to(self, *stops: str) -> tuple[Token, ...]:
         """Read words up to one that stops, outside of any bracket; all that are left without one."""
         start, depth, end = self.number, 0, len(self.words)
         for number in range(start, end):
@@ -181,7 +181,7 @@ class Cursor(Words, ABC):
     height = 0
     """Values inside values of the expression read last."""
 
-    def __init__(self, found: Sequence[Word], file: int) -> None:
+    def __init__(self, found: Sequence[Token], file: int) -> None:
         """Start before the first of some words of a file, which is given by its number."""
         super().__init__(found)
         self.file = file
@@ -257,7 +257,7 @@ class Cursor(Words, ABC):
         return Hole(at=(self.file, start, self.words[-1].end if self.words else start), why=why)
 
 
-def named(found: Sequence[Word], data: Mapping[str, Ref]) -> tuple[Ref, ...]:
+def named(found: Sequence[Token], data: Mapping[str, Ref]) -> tuple[Ref, ...]:
     """Data that a line names which is not understood, so that it may change them.
 
     Args:

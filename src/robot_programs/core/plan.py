@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from robot_programs.core.program import Motion, Paths, Program, Visit, Waypoint, Wrapping, keep_together
+from robot_programs.core.program import Motion, Paths, Program, TargetVisit, Waypoint, Wrapping, keep_together
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source
 from taskcal_groundwork.errors import InputError
@@ -61,7 +61,7 @@ class Conflict:
         return self.why
 
 
-class Helper(Protocol):
+class Wrapper(Protocol):
     """Puts a function around the targets of motions; see `Program.wrap`."""
 
     def __call__(self, program: Program, rejected: Container[int], *, declared: bool) -> Wrapping:
@@ -139,7 +139,7 @@ def plan(
     program: Program,
     wanted: Callable[[Program], W],
     *,
-    helper: Helper | None = None,
+    helper: Wrapper | None = None,
     told: Callable[[], None] = lambda: None,
 ) -> Plan[W]:
     """Choose how the motions of a program are written.
@@ -184,7 +184,7 @@ def plan(
     return replace(best, wrappings=tuple(around))
 
 
-def _in_text(given: Program, wanted: W, visits: Sequence[Visit] | None = None) -> Plan[W]:
+def _in_text(given: Program, wanted: W, visits: Sequence[TargetVisit] | None = None) -> Plan[W]:
     """What is written in a text as it is.
 
     Args:
@@ -251,9 +251,9 @@ def _distance(one: Waypoint, other: Waypoint) -> float:
     return float(np.linalg.norm(one.T[:3, 3] - other.T[:3, 3]))
 
 
-def _at_places(visits: Sequence[Visit], program: Program) -> list[Visit]:
+def _at_places(visits: Sequence[TargetVisit], program: Program) -> list[TargetVisit]:
     """Visits by the motions of a program some of whose lines are none any longer, at the same places."""
-    by_place: dict[Place, dict[Hashable, Visit]] = {}
+    by_place: dict[Place, dict[Hashable, TargetVisit]] = {}
     for visit in visits:
         by_place.setdefault(visit.place, {})[visit.target] = visit
     return [

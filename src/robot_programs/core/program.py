@@ -132,6 +132,17 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class MotionFrames:
+    """Tool and part of a motion, as its poses mean them."""
+
+    tool: Frame
+    part: Frame
+    part_in_hand: bool
+    carrier: str = ""
+    """Mechanical unit that moves the part's frame; empty where it stands still."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
 class Target:
     """Target of a motion: a pose, or joint positions."""
 
@@ -291,7 +302,7 @@ class Diagnostic:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Visit:
+class TargetVisit:
     """A motion, and a target to which its text leads, as it stands there or shifted."""
 
     number: int | None
@@ -427,7 +438,7 @@ class Program(ABC):
         """
         return None
 
-    def visits(self) -> Iterable[Visit]:
+    def visits(self) -> Iterable[TargetVisit]:
         """Which motions of one path go to one target, some of them to a place above it: all are corrected, or none.
 
         Otherwise the way from one to the other, such as that down to a part, would be another one than was programmed.
@@ -779,37 +790,37 @@ MissingKind = Literal["tool", "part", "data", "other"]
 """What a name stands for that the files of a program use and do not declare; what is other, no cell file can state."""
 
 
-class Reason(str):
+class Cause(str):
     """Why something is not known, for the user, with the names that would have to be declared; whatever else it is part of."""
 
     __slots__ = ("missing",)
     missing: tuple[tuple[str, MissingKind], ...]
 
-    def __new__(cls, text: str, *missing: tuple[str, MissingKind], of: Iterable[object] = ()) -> "Reason":
+    def __new__(cls, text: str, *missing: tuple[str, MissingKind], of: Iterable[object] = ()) -> "Cause":
         """A sentence, and the names that it misses, or that others do of which it is made."""
         self = super().__new__(cls, text)
         self.missing = tuple(dict.fromkeys((*missing, *(name for one in of for name in missing_in(one)))))
         return self
 
-    def __str__(self) -> "Reason":
+    def __str__(self) -> "Cause":
         return self
 
     def __reduce__(self) -> Any:
-        return Reason._again, (super().__str__(), self.missing)
+        return Cause._again, (super().__str__(), self.missing)
 
     @staticmethod
-    def _again(text: str, missing: tuple[tuple[str, MissingKind], ...]) -> "Reason":
-        return Reason(text, *missing)
+    def _again(text: str, missing: tuple[tuple[str, MissingKind], ...]) -> "Cause":
+        return Cause(text, *missing)
 
 
 def missing_in(reason: object) -> tuple[tuple[str, MissingKind], ...]:
     """Names that a reason misses; none of any other text."""
     said = str(reason)
-    return said.missing if isinstance(said, Reason) else ()
+    return said.missing if isinstance(said, Cause) else ()
 
 
 class Unresolved(Exception):
-    """A value that the text does not give, so that a motion stays as it is; the message says why, for the user: see `Reason`."""
+    """A value that the text does not give, so that a motion stays as it is; the message says why, for the user: see `Cause`."""
 
 
 # Motions that cannot be rewritten as they should, where one that stays as it was may keep others from changing.
@@ -838,7 +849,7 @@ def reject_in_turn(
         rejected |= more
 
 
-def keep_together(visits: Iterable[Visit], staying: Container[int], changing: Container[int]) -> dict[int, str]:
+def keep_together(visits: Iterable[TargetVisit], staying: Container[int], changing: Container[int]) -> dict[int, str]:
     """Motions that have to stay because another one of their path stays that goes to the same target, and why.
 
     Args:

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.flow import Loop, reached, unread_in
-from robot_programs.core.form import Ask, Do, Line, Move, Routine, Span, Text, calls_in
+from robot_programs.core.form import Ask, Do, Line, MoveLine, Routine, Span, Text, calls_in
 from robot_programs.core.program import Paths, Program, Waypoint, reject_in_turn
 from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.source import FreshNames, Source, TextEdit
@@ -30,7 +30,7 @@ from robot_programs.core.written_out import (
     MAX_SHARED_TURN_RAD,
     Repeated,
     Shared,
-    Table,
+    TargetArray,
     Turns,
     least_worst,
     loops_to_write,
@@ -472,7 +472,7 @@ class SharingProgram(Program):
         """Whether an array of a routine may hold the target of a motion."""
         raise NotImplementedError
 
-    def listed(self, routine: Any, name: str, table: Table) -> Iterable[tuple[Source, Span, str]]:
+    def listed(self, routine: Any, name: str, table: TargetArray) -> Iterable[tuple[Source, Span, str]]:
         """What declares an array of targets, and stands for the target of its motions.
 
         Args:
@@ -493,7 +493,7 @@ class SharingProgram(Program):
         calls = defaultdict[Routine, list[tuple[Line, Routine, Do | Ask]]](list)
         for routine in self.routines:
             for line in routine.lines:
-                if isinstance(line, Move) and line.at[:2] in texts:
+                if isinstance(line, MoveLine) and line.at[:2] in texts:
                     shared.append((line, routine))
                 for call in calls_in(line):
                     for one in call.routines:
@@ -534,7 +534,7 @@ class SharingProgram(Program):
         own, fresh = defaultdict[Text, list[int]](list), self.fresh_names()
         for i, site in enumerate(self.sites):
             own[site.text].append(i)
-        shared, of_table = {self.sites[i].text for i in numbers}, dict[Table, Routine]()
+        shared, of_table = {self.sites[i].text for i in numbers}, dict[TargetArray, Routine]()
         for routine in self.routines:
 
             def listable(line: Line, routine: Routine = routine) -> Sequence[int]:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.flow import Block, Loop, Step, bodies_of, leaves_loop, lines_in
-from robot_programs.core.program import Motion, Paths, Visit, Waypoint
+from robot_programs.core.flow import Block, FlowStep, Loop, bodies_of, leaves_loop, lines_in
+from robot_programs.core.program import Motion, Paths, TargetVisit, Waypoint
 from robot_programs.core.source import FreshNames, Source
 from taskcal_groundwork import se3
 
@@ -163,7 +163,7 @@ def _written_out(source: Source, plan: _Plan) -> Source | None:
     """The file with loops and copies written out, each line counted as the one that it comes from; None where it gets too long."""
     if not (plan.turns or plan.copies or plan.named):
         return source
-    writer = _Writer(source=source, plan=plan)
+    writer = _TextWriter(source=source, plan=plan)
     writer.write(0, len(source.text), plan.named)
     if writer.fresh:  # what is behind the last line end
         writer.lines.append(source.line(len(source.text)))
@@ -173,7 +173,7 @@ def _written_out(source: Source, plan: _Plan) -> Source | None:
 
 
 @dataclass(eq=False, kw_only=True)
-class _Writer:
+class _TextWriter:
     source: Source
     plan: _Plan
     parts: list[str] = field(default_factory=list[str])
@@ -256,7 +256,7 @@ SAME_POSE = 2e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Table:
+class TargetArray:
     """Motions of one text in counted loops, of which each has the target of another turn."""
 
     numbers: tuple[int, ...]
@@ -296,7 +296,7 @@ def tables(
     own: Callable[[Any], Sequence[int]],
     turns: Mapping[Loop, tuple[float, ...] | None],
     counter: Callable[[Loop], str],
-) -> Iterator[Table]:
+) -> Iterator[TargetArray]:
     """Texts of motions in counted loops that have as many targets as these have turns.
 
     Args:
@@ -316,14 +316,14 @@ def tables(
                 and len({one.lower() for one in counters}) == len(counters) <= MAX_DIMENSIONS
                 and all(map(_evenly_spaced, taken))
             ):
-                yield Table(numbers=numbers, counters=counters, turns=taken)
+                yield TargetArray(numbers=numbers, counters=counters, turns=taken)
                 break
 
 
 def _loops_around(nodes: Block, around: tuple[Loop, ...] = ()) -> Iterator[tuple[Any, tuple[Loop, ...]]]:
     """Lines of a routine that are steps, each with the loops around it from the outermost on."""
     for node in nodes:
-        if isinstance(node, Step):
+        if isinstance(node, FlowStep):
             yield node.line, around
         for body in bodies_of(node):
             yield from _loops_around(body, (*around, node) if isinstance(node, Loop) else around)
@@ -334,7 +334,9 @@ def _evenly_spaced(taken: Sequence[float]) -> bool:
     return all(count == int(count) for count in taken) and len(steps) <= 1 and 0.0 not in steps
 
 
-def of_whole_paths(found: Sequence[Table], stuck: Collection[int], visits: Iterable[Visit]) -> list[Table]:
+def of_whole_paths(
+    found: Sequence[TargetArray], stuck: Collection[int], visits: Iterable[TargetVisit]
+) -> list[TargetArray]:
     """Tables whose motions can be corrected with all others that go to their targets.
 
     Args:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robot_programs.core.flow import Effects, Thing, with_called
 from robot_programs.core.form import Text
-from robot_programs.core.program import MissingKind, Reason
+from robot_programs.core.program import Cause, MissingKind
 from robot_programs.core.source import Place, Source
 from robot_programs.core.values import Structure
 from robot_programs.krl.syntax import (
@@ -23,7 +23,7 @@ from robot_programs.krl.syntax import (
     End,
     KrlLine,
     MotionLine,
-    Word,
+    Token,
     given_by_value,
     lines_of_words,
     number_of,
@@ -398,7 +398,7 @@ class Names:
         routines = (routine for file in files for routine in file.sections if routine.name == "INITMOV")
         for line in (line for routine in routines for line in routine.lines):
             match line:
-                case Assignment(name="$TOOL", words=[Word(text=name), Word(text="["), *index, Word(text="]")]) if (
+                case Assignment(name="$TOOL", words=[Token(text=name), Token(text="["), *index, Token(text="]")]) if (
                     name.upper() == "TOOL_DATA"
                 ):
                     tool = number_of(index)
@@ -412,7 +412,7 @@ class Names:
 
 
 def _handled(line: KrlLine | None) -> Iterator[str]:
-    words: Iterable[Word] = ()
+    words: Iterable[Token] = ()
     match line:
         case Beside(action=action):
             yield from _handled(action)
@@ -446,7 +446,7 @@ def calls_of(line: KrlLine) -> tuple[str, ...]:
             return ()
 
 
-def _before_parentheses(words: Sequence[Word | None]) -> tuple[str, ...]:
+def _before_parentheses(words: Sequence[Token | None]) -> tuple[str, ...]:
     return tuple(
         a.upper for a, b in pairwise(words) if a is not None and b is not None and a.kind == "name" and b.text == "("
     )
@@ -647,9 +647,7 @@ def _missing(line: Beside, actions: Sequence[KrlLine | None], routines: Routines
     names = dict.fromkeys(action.name for action in actions if isinstance(action, Call))
     for name in names:
         if name not in routines and name not in HARMLESS:
-            yield Reason(
-                f"{name} is not in the files given; the {line.keyword} that calls it {leaves}", (name, "other")
-            )
+            yield Cause(f"{name} is not in the files given; the {line.keyword} that calls it {leaves}", (name, "other"))
     if not actions and line.keyword == "INTERRUPT" and line.number:
         number = "".join(word.text for word in line.number)
         yield f"interrupt {number} is declared in none of the files given; it {leaves}"

@@ -37,7 +37,7 @@ from robot_programs.krl.syntax import (
     KrlLine,
     MotionLine,
     Operand,
-    Word,
+    Token,
     whole_call,
 )
 from robot_programs.krl.values import POSE, numbers_in, texts_in
@@ -571,10 +571,10 @@ class _Measured:
                     out |= self._keys(words, routine)
         return out
 
-    def _any(self, words: Iterable[Word], routine: KrlRoutine) -> bool:
+    def _any(self, words: Iterable[Token], routine: KrlRoutine) -> bool:
         return any(self.says(key, routine) for key in self._keys(words, routine))
 
-    def _keys(self, words: Iterable[Word], routine: KrlRoutine) -> set[str]:
+    def _keys(self, words: Iterable[Token], routine: KrlRoutine) -> set[str]:
         """Keys of the variables of which an expression is made."""
         before = (None, *words)
         return {

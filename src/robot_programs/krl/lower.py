@@ -1,7 +1,7 @@
 """KRL lowered to the one form: the statements of routines, from their words to nodes, with the names resolved.
 
 What the controller's own BAS does, and what tool, base and the other settings are set to, are assignments of data by the names of
-the system variables; see `Meaning` for what their operators make of frames.
+the system variables; see `KrlMeaning` for what their operators make of frames.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ from robot_programs.core.form import (
     Expression,
     Hole,
     Lit,
-    Move,
+    MoveLine,
     Op,
     Rec,
     Ref,
@@ -30,8 +30,8 @@ from robot_programs.core.form import (
     Text,
     inside,
 )
-from robot_programs.core.kit import Cursor, Word
-from robot_programs.core.program import Reason
+from robot_programs.core.kit import Cursor, Token
+from robot_programs.core.program import Cause
 from robot_programs.core.values import Structure
 from robot_programs.krl.data import (
     BASE,
@@ -106,7 +106,7 @@ _BY_SETS = {"SIPO_MODE": MODE_OF, "SORI_TYP": ORIENTED}
 MAX_DEPTH = 24
 """Blocks in each other, in one routine, and labels to which a GOTO behind them leads."""
 
-_NULL = Word("name", "$NULLFRAME", 0)
+_NULL = Token("name", "$NULLFRAME", 0)
 _ON_MECHANISMS = ("MACHINE_FRAME_DAT", "MACHINE_DEF")
 _COUPLED = {
     "LK": "$BASE is linked by LK to another robot, and where that is this program does not tell",
@@ -123,7 +123,7 @@ class Coded(Routine):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionStep(Move):
+class MotionStep(MoveLine):
     """A motion instruction."""
 
     statement: MotionLine
@@ -256,7 +256,7 @@ class KrlReader(Cursor):
     }  # fmt: skip
     PREFIXES: ClassVar = {"NOT": 8, "-": 8, "+": 8}
 
-    def __init__(self, found: Sequence[Word], scope: "RoutineScope", *, follows: bool = False, moves: bool = False):
+    def __init__(self, found: Sequence[Token], scope: "RoutineScope", *, follows: bool = False, moves: bool = False):
         """Read words of a routine.
 
         Args:
@@ -389,11 +389,11 @@ class RoutineScope:
             self.keys[name] = self.found.names.key(self.section, name)
         return Ref(at=at, name=name, key=self.keys[name], path=path)
 
-    def named(self, words: Iterable[Word], at: Span) -> tuple[Ref, ...]:
+    def named(self, words: Iterable[Token], at: Span) -> tuple[Ref, ...]:
         """Variables that some words name."""
         return tuple(self.ref(word.upper, at) for word in words if word.kind == "name")
 
-    def expression(self, words: Sequence[Word], *, follows: bool = False, moves: bool = False) -> Expression:
+    def expression(self, words: Sequence[Token], *, follows: bool = False, moves: bool = False) -> Expression:
         """The expression that some words are; a hole where they are none."""
         if not words:
             return Hole(at=(self.file, 0, 0), why="an expression ends too early")
@@ -419,7 +419,7 @@ class RoutineScope:
         names = [name for name in called if name in self.found.names.routines and name not in self.called]
         routines = tuple(one for name in dict.fromkeys(names) for one in self.found.routine(name))
         self.called.clear()
-        return (flow.Step(line=Do(at=self.at(line), routines=routines, sure=False)),) if routines else ()
+        return (flow.FlowStep(line=Do(at=self.at(line), routines=routines, sure=False)),) if routines else ()
 
     def part(self, one: Field, value: Expression) -> Expression:
         """A component of a structure as it is written."""
@@ -430,7 +430,7 @@ class RoutineScope:
         return Op(at=value.at, sign=FIELD, operands=(value, Lit(at=value.at, value=(one.name, one.text))))
 
     def asked(
-        self, name: str, arguments: tuple[Expression, ...], given: Sequence[Sequence[Word]], at: Span, *, follows: bool,
+        self, name: str, arguments: tuple[Expression, ...], given: Sequence[Sequence[Token]], at: Span, *, follows: bool,
         moves: bool,
     ) -> Expression:  # fmt: skip
         """The value of a function."""
@@ -455,7 +455,7 @@ class RoutineScope:
         )  # fmt: skip
 
     def _changed(
-        self, arguments: Sequence[Expression], given: Sequence[Sequence[Word]], by_value: Sequence[bool], at: Span
+        self, arguments: Sequence[Expression], given: Sequence[Sequence[Token]], by_value: Sequence[bool], at: Span
     ) -> tuple[Ref, ...]:
         """What a call may change beside variables that it is given as a whole, which stand for its parameters.
 
@@ -527,15 +527,15 @@ class RoutineScope:
         self.here = self.at(line)
         match line:
             case MotionLine():
-                return (flow.Step(line=self.motion(line)),)
+                return (flow.FlowStep(line=self.motion(line)),)
             case Assignment():
-                return tuple(flow.Step(line=one) for one in self._assignments(line))
+                return tuple(flow.FlowStep(line=one) for one in self._assignments(line))
             case Call(name="BAS"):
-                return tuple(flow.Step(line=one) for one in self._bas(line))
+                return tuple(flow.FlowStep(line=one) for one in self._bas(line))
             case Call():
-                return (flow.Step(line=self._call(line)),)
+                return (flow.FlowStep(line=self._call(line)),)
             case Beside():
-                return tuple(flow.Step(line=one) for one in self._beside(line))
+                return tuple(flow.FlowStep(line=one) for one in self._beside(line))
             case _:
                 return ()
 
@@ -550,7 +550,7 @@ class RoutineScope:
             changes = self._changed(arguments, line.arguments, by_value, at)
             return Do(at=at, routines=self.found.routine(name), arguments=arguments, changes=changes)
         text = f"{name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
-        self.found.say(self.section.file, line.start, Reason(text, (name, "other")))
+        self.found.say(self.section.file, line.start, Cause(text, (name, "other")))
         changes = tuple(ref for words in line.arguments for ref in self.named(words, at))
         why = f"is changed by the program, at {self.section.file.source.place(line.start)}"
         return Do(at=at, arguments=arguments, changes=changes, why=why, moves=True)
@@ -567,7 +567,7 @@ class RoutineScope:
     def strange(self, line: Call) -> Block:
         """What a call may change of a routine that the files do not have, and that does not move the robot."""
         changes = tuple(ref for words in line.arguments for ref in self.named(words, self.at(line)))
-        return (flow.Step(line=Do(at=self.at(line), changes=changes)),) if changes else ()
+        return (flow.FlowStep(line=Do(at=self.at(line), changes=changes)),) if changes else ()
 
     def action(self, line: KrlLine) -> Block:
         """What runs beside the lines."""
@@ -610,7 +610,7 @@ class RoutineScope:
     def _unknown(self, why: str = "it is not known") -> Hole:
         return Hole(at=self.here, why=why)
 
-    def setting(self, name: str, words: Sequence[Word]) -> dict[str, Expression]:
+    def setting(self, name: str, words: Sequence[Token]) -> dict[str, Expression]:
         """What settings become by a value for a variable of the controller: of a line, or of one motion behind WITH.
 
         Args:
@@ -645,11 +645,11 @@ class RoutineScope:
             return stated
         return {one: stated.get(one, self._unknown()) for one in _STRUCTURES[name].values()}
 
-    def _component(self, name: str, component: str, words: Sequence[Word]) -> Expression:
+    def _component(self, name: str, component: str, words: Sequence[Token]) -> Expression:
         value = self.expression(words, follows=True)
         return self._op(WITH, self.ref(name, self.here), value, self._lit((name, component)))
 
-    def _frame(self, name: str, function: str, words: Sequence[Word]) -> Expression:
+    def _frame(self, name: str, function: str, words: Sequence[Token]) -> Expression:
         """What $TOOL or $BASE is set to, perhaps by a function of the inline forms or of the controller."""
         match name, function:
             case "$TOOL", "STOOL" | "STOOL2":
@@ -666,7 +666,7 @@ class RoutineScope:
             case _:
                 return self._named(name, words)
 
-    def _named(self, name: str, words: Sequence[Word]) -> Expression:
+    def _named(self, name: str, words: Sequence[Token]) -> Expression:
         """A frame with the name by which it is called."""
         value, own, indices = self.expression(words, follows=True), "", tuple[Expression, ...]()
         if isinstance(value, Ref):
@@ -818,7 +818,7 @@ class _Blocks:
                 nodes += self._block(line)
             elif isinstance(line, MotionLine):
                 motion = self.scope.motion(line, in_spline=bool(self.splines), triggered=self.triggered)
-                nodes += [*self.scope.rest(line), flow.Step(line=motion)]
+                nodes += [*self.scope.rest(line), flow.FlowStep(line=motion)]
                 self.triggered = False
             else:
                 self.triggered = self.triggered or (isinstance(line, Beside) and line.keyword == "TRIGGER")
@@ -852,7 +852,7 @@ class _Blocks:
             loop = self._loop(opening, body, end)
             return (*self.scope.rest(opening, end), loop)
         if opening.keyword in SPLINES:  # where the robot is where it begins, no point of it counts from
-            return (flow.Step(line=Do(at=self.scope.at(opening), moves=True)), *body)
+            return (flow.FlowStep(line=Do(at=self.scope.at(opening), moves=True)), *body)
         # before the first CASE there is no branch
         value = self.scope.expression(opening.words) if opening.keyword == "SWITCH" else None
         arms = [self._arm(line, own, value) for line, own in branches[opening.keyword == "SWITCH" :]]
@@ -875,7 +875,9 @@ class _Blocks:
         if not body:  # without any line of consequence
             if kind == "endless":
                 return flow.Leave(line=scope.check(opening), way="stop")
-            return flow.Step(line=Check(at=scope.at(opening), conditions=(condition,) if condition is not None else ()))
+            return flow.FlowStep(
+                line=Check(at=scope.at(opening), conditions=(condition,) if condition is not None else ())
+            )
         line = scope.check(opening, *((condition,) if kind == "while" and condition is not None else ()))
         return flow.Loop(line=line, name=opening.keyword, kind=kind, condition=condition, body=body, end=closing)
 
@@ -894,7 +896,7 @@ class _Blocks:
         bounds = tuple(Op(at=at, sign=WHOLE, operands=(one,)) for one in bounds)
         line = Steered(at=at, conditions=bounds, counter=counter, statement=opening)
         if not body:
-            return flow.Step(line=Do(at=at, arguments=bounds, changes=(counter,)))
+            return flow.FlowStep(line=Do(at=at, arguments=bounds, changes=(counter,)))
         return flow.Loop(line=line, name="FOR", kind="counted", body=body, end=scope.check(end))
 
     def _arm(self, line: Control, body: Block, value: Expression | None) -> flow.Arm:

@@ -10,14 +10,15 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.form import HERE, Ask, Assign, Do, Expression, Key, Line, Lit, Ref, Routine
-from robot_programs.core.interpreter import FoundMotion, Meaning
+from robot_programs.core.interpreter import FoundMotion, LanguageMeaning
 from robot_programs.core.program import (
     THROUGH_TARGET,
+    Cause,
     Frame,
     MissingKind,
     Motion,
+    MotionFrames,
     MotionKind,
-    Reason,
     Target,
     Unresolved,
     Zone,
@@ -139,18 +140,8 @@ class Held(Origin):
     """What moves it; empty where it stands still."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class Frames:
-    """Tool and part of a motion, as its poses mean them."""
-
-    tool: Frame
-    part: Frame
-    in_hand: bool
-    carrier: str
-
-
 @dataclass(eq=False, kw_only=True)
-class KrlMeaning(Meaning):
+class KrlMeaning(LanguageMeaning):
     """Data and motions of the files of a program."""
 
     PASSES: ClassVar = 90
@@ -321,18 +312,18 @@ class KrlMeaning(Meaning):
         if key in STATE or reason in (self.SET, _RUN_TIME):
             changed = next(iter(self.flow.changes.paths.get(ref.key, {}).values()), reason)
             return f"{name} {changed}"
-        return Reason(f"{name} {reason}", of=[reason])
+        return Cause(f"{name} {reason}", of=[reason])
 
     @staticmethod
-    def _missing(name: str) -> Reason:
+    def _missing(name: str) -> Cause:
         variable = name.partition("[")[0]
         files = "$config.dat" if variable in TABLES else "the .dat that states it"
-        return Reason(f"{name} {_NOT_GIVEN}; pass {files}", (name, TABLES.get(variable, "data")))
+        return Cause(f"{name} {_NOT_GIVEN}; pass {files}", (name, TABLES.get(variable, "data")))
 
     def computed_index(self, name: str, why: Unresolved) -> Unresolved:
         """What is said where an index is not known."""
         text = f"which element of {name} is meant is known only at run time: {why}"
-        return Unresolved(Reason(text, of=[why]))
+        return Unresolved(Cause(text, of=[why]))
 
     def where(self, place: Here, look: Callable[[Key], Any]) -> Any:
         """The position of the robot, with the tool and base that hold."""
@@ -394,7 +385,7 @@ class KrlMeaning(Meaning):
             needed: list[tuple[str, MissingKind]] = [
                 (one, _FRAME_KINDS[target] if kind == "data" else kind) for one, kind in missing_in(value.reason)
             ]
-            raise Unresolved(Reason(f"{target}: {value.reason}", *needed) if needed else value.reason)
+            raise Unresolved(Cause(f"{target}: {value.reason}", *needed) if needed else value.reason)
         if not isinstance(value, Structure) or value.kind == ARRAY:
             raise Unresolved(f"{target} is set to something that the text does not state as a frame")
         _refuse_carried(value)
@@ -461,7 +452,7 @@ class KrlMeaning(Meaning):
                 raise Unresolved(f"MACHINE_FRAME_DAT[{number:g}] has no MACH_DEF_INDEX")
             machine = self._element("MACHINE_DEF", machines, index)
         except Unresolved as trouble:
-            raise Unresolved(Reason(f"what carries {base} is not known: {trouble}", of=[trouble])) from None
+            raise Unresolved(Cause(f"what carries {base} is not known: {trouble}", of=[trouble])) from None
         kind, controller = plain(machine.parts.get("MECH_TYPE", "")), number_in(machine, "COOP_KRC_INDEX")
         match kind:
             case "#NONE":
@@ -507,7 +498,7 @@ class KrlMeaning(Meaning):
                     raise Unresolved(f"{ROBROOT} {next(iter(changed.values()))}")
         return pose(value) if isinstance(value, Structure) else None
 
-    def _frames(self, tool: Any, base: Any, mode: Any) -> Frames:
+    def _frames(self, tool: Any, base: Any, mode: Any) -> MotionFrames:
         """Tool and part of a motion, as its poses mean them: what stands still is given in the robot's own base.
 
         Raises:
@@ -515,15 +506,18 @@ class KrlMeaning(Meaning):
         """
         reasons = list(dict.fromkeys(why for one in (tool, base) if (why := _unknown(one))))
         if reasons:  # names that have to be stated are said together
-            raise Unresolved(Reason("; ".join(reasons), of=reasons) if all(map(missing_in, reasons)) else reasons[0])
+            raise Unresolved(Cause("; ".join(reasons), of=reasons) if all(map(missing_in, reasons)) else reasons[0])
         in_hand = _MODES.get(mode) if isinstance(mode, str) else None
         if in_hand is None:
             raise Unresolved("whether the robot holds tool or part ($IPO_MODE) is not stated before it")
         carrier = base.origin.carrier
         if not in_hand:
             part = self.frame(base)
-            return Frames(
-                tool=self.frame(tool), part=part if carrier else self._standing(part), in_hand=False, carrier=carrier
+            return MotionFrames(
+                tool=self.frame(tool),
+                part=part if carrier else self._standing(part),
+                part_in_hand=False,
+                carrier=carrier,
             )
         if carrier or tool.origin.carrier:
             raise Unresolved("$IPO_MODE is #TCP, and the base is one that moves")
@@ -532,8 +526,8 @@ class KrlMeaning(Meaning):
         tables = tool.origin.table, base.origin.table
         if {*tables} <= {"tool", "base", "null"} and tables[0] != tables[1]:
             held, standing = (tool, base) if tables[0] == "tool" or tables[1] == "base" else (base, tool)
-            return Frames(
-                tool=self._standing(self.frame(standing)), part=self.frame(held), in_hand=True, carrier=carrier
+            return MotionFrames(
+                tool=self._standing(self.frame(standing)), part=self.frame(held), part_in_hand=True, carrier=carrier
             )
         raise Unresolved(
             "$IPO_MODE is #TCP, and which frame is the part's and which the fixed tool's is not clear; take one from "
@@ -560,7 +554,7 @@ class KrlMeaning(Meaning):
         except Unresolved as trouble:
             if missing_in(trouble):
                 reasons = list(dict.fromkeys([str(why), str(trouble)]))
-                return Unresolved(Reason("; ".join(reasons), of=reasons))
+                return Unresolved(Cause("; ".join(reasons), of=reasons))
         return why
 
     def motion(self, line: Any, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
@@ -608,7 +602,7 @@ class KrlMeaning(Meaning):
             in_hand = isinstance(settings["mode"], str) and bool(_MODES.get(settings["mode"]))
             base = settings["base"]
             carrier = base.origin.carrier if isinstance(base, Structure) and isinstance(base.origin, Held) else ""
-            frames = Frames(tool=NULL, part=NULL, in_hand=in_hand, carrier=carrier)  # reached with any tool
+            frames = MotionFrames(tool=NULL, part=NULL, part_in_hand=in_hand, carrier=carrier)  # reached with any tool
         along = kind in ("linear", "circular")
         move = Motion(
             kind=kind,
@@ -616,7 +610,7 @@ class KrlMeaning(Meaning):
             via=via,
             tool=frames.tool,
             part=frames.part,
-            part_in_hand=frames.in_hand,
+            part_in_hand=frames.part_in_hand,
             speed=_number(settings["speed"]) if along else None,
             turn_speed=_turn_speed(settings["turn speed"]) if along else None,
             stops=not statement.passing,
@@ -701,7 +695,7 @@ def _unknown(value: Any) -> str:
         value = lost or Lost(reason="is not the same on all ways that lead to it")
     if not isinstance(value, Lost):
         return "tool or base is no frame"
-    return value.reason if value.told else Reason(f"it {value.reason}", of=[value.reason])
+    return value.reason if value.told else Cause(f"it {value.reason}", of=[value.reason])
 
 
 def _refuse_carried(*values: Any) -> None:
@@ -785,14 +779,14 @@ def _field(value: Any, written: tuple[str, str]) -> Any:
     if name not in (*POSE, *AXES):
         raise Unresolved(f"{name} is '{text}', which is not a number")
     trouble = value.reason if isinstance(value, Lost) else f"'{text}' is not a number"
-    raise Unresolved(Reason(f"{name} is '{text}', and {trouble}", of=[trouble]))
+    raise Unresolved(Cause(f"{name} is '{text}', and {trouble}", of=[trouble]))
 
 
-def _same_frames(before: Motion, frames: Frames) -> bool:
-    return before.tool is frames.tool and before.part is frames.part and before.part_in_hand == frames.in_hand
+def _same_frames(before: Motion, frames: MotionFrames) -> bool:
+    return before.tool is frames.tool and before.part is frames.part and before.part_in_hand == frames.part_in_hand
 
 
-def _before(found: Any, frames: Frames | None) -> Motion | None:
+def _before(found: Any, frames: MotionFrames | None) -> Motion | None:
     """The motion before, if tool and base are still the same."""
     before = found.motion if isinstance(found, FoundMotion) else None
     if before is None or before.end.q is not None:

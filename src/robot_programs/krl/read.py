@@ -8,7 +8,7 @@ from functools import partial
 from robot_programs.core.flow import lines_in
 from robot_programs.core.form import Lit
 from robot_programs.core.interpreter import Interpreter, interpreted, known_motions
-from robot_programs.core.program import Diagnostic, Frame, Motion, Reason, Unresolved
+from robot_programs.core.program import Cause, Diagnostic, Frame, Motion, Unresolved
 from robot_programs.core.source import Source, uncollected
 from robot_programs.krl.data import (
     BUILT_IN,
@@ -108,7 +108,7 @@ def _left(found: Interpreter) -> Iterator[Said]:
     """Motions that are not understood, and why."""
     for line, (_, reason) in found.findings.reasons.items():
         assert isinstance(line, MotionStep)
-        text = Reason(f"{line.statement.keyword} stays as it is: {reason}", of=[reason])
+        text = Cause(f"{line.statement.keyword} stays as it is: {reason}", of=[reason])
         yield (*line.at[:2], text, True)
 
 

@@ -18,7 +18,7 @@ from robot_programs.core.program import (
     MotionKind,
     Paths,
     Target,
-    Visit,
+    TargetVisit,
     Waypoint,
     Wrapping,
     wrapping,
@@ -27,7 +27,7 @@ from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.sharing import SharingProgram, Spelling, Use, points_of
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit, numeral
 from robot_programs.core.values import Origin, Structure
-from robot_programs.core.written_out import Repeated, Table, Turns
+from robot_programs.core.written_out import Repeated, TargetArray, Turns
 from robot_programs.krl.data import Datum, KrlFile, KrlRoutine, calls_of
 from robot_programs.krl.helper import calls_function, wrap
 from robot_programs.krl.lower import Coded, MotionStep
@@ -222,7 +222,7 @@ class KrlProgram(SharingProgram):
         stated = motion.kind == "linear" or (whole(last, "S") is not None and whole(last, "T") is not None)
         return stated and len(site.written) == 1 and motion.end.T is not None and not site.leans
 
-    def listed(self, routine: Coded, name: str, table: Table) -> Iterator[tuple[Source, Span, str]]:
+    def listed(self, routine: Coded, name: str, table: TargetArray) -> Iterator[tuple[Source, Span, str]]:
         """An array of the data list where one is given, else of the routine; see `SharingProgram.listed`."""
         sites, places = self.sites, (",".join(str(k + 1) for k in place) for place in np.ndindex(table.size))
         texts = [literal(NO_ROBOT, sites[i].written[-1], self.motions[i].own_waypoint()) for i in table.numbers]
@@ -238,7 +238,7 @@ class KrlProgram(SharingProgram):
         element = f"{name}[{table.index(self.DIVIDED)}]"
         yield routine.section.file.source, (0, operand.start, operand.end), element
 
-    def visits(self) -> Iterator[Visit]:
+    def visits(self) -> Iterator[TargetVisit]:
         """Motions of one routine that name one point, or a variable that was last set by it, and those that lean on each other.
 
         What a variable held before it was set anew as a whole is another target; see `Program.visits`.
@@ -268,10 +268,10 @@ class KrlProgram(SharingProgram):
                         for name in named.union(*(sets.get(name, ()) for name in named)):
                             for i in numbers.get((file.number, line.start), (None,)):
                                 target = (routine, name, times[name])
-                                yield Visit(number=i, target=target, place=file.source.place(line.start))
+                                yield TargetVisit(number=i, target=target, place=file.source.place(line.start))
         for i, site in enumerate(self.sites):
             for number in (i, *site.before) if site.leans else ():
-                yield Visit(number=number, target=i, place=self.motions[number].place)
+                yield TargetVisit(number=number, target=i, place=self.motions[number].place)
 
 
 # Loops written turn by turn, and routines for each of their calls.

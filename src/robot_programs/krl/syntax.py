@@ -9,7 +9,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from robot_programs.core import kit
-from robot_programs.core.kit import Word, Words, opens, parted
+from robot_programs.core.kit import Token, Words, opens, parted
 from robot_programs.core.program import Unresolved
 
 # The words of KRL, line by line; comments and file headers have none.
@@ -28,7 +28,7 @@ _WORD = re.compile(
 )
 
 
-def lines_of_words(text: str) -> Iterator[list[Word]]:
+def lines_of_words(text: str) -> Iterator[list[Token]]:
     """The words of every line that has some."""
     start = 0
     while start < len(text):
@@ -40,7 +40,7 @@ def lines_of_words(text: str) -> Iterator[list[Word]]:
         start = end + 1
 
 
-def words_of(text: str, start: int, end: int) -> list[Word]:
+def words_of(text: str, start: int, end: int) -> list[Token]:
     """The words of a part of a text, in one line."""
     return list(kit.words(_WORD, text[start:end], start))
 
@@ -71,7 +71,7 @@ class Field(NamedTuple):
 
     name: str
     """In capitals."""
-    words: Sequence[Word]
+    words: Sequence[Token]
     """Its value."""
     value: float | None
     """None where it is not a number."""
@@ -100,7 +100,7 @@ class Aggregate(NamedTuple):
 class Operand(NamedTuple):
     """A point of a motion."""
 
-    words: Sequence[Word]
+    words: Sequence[Token]
     start: int
     end: int
 
@@ -138,7 +138,7 @@ class Declared:
 
     name: str
     """In capitals; of an array without its size."""
-    words: tuple[Word, ...]
+    words: tuple[Token, ...]
     """The value with which it starts; none without."""
     start: int
     """First character of the name."""
@@ -162,11 +162,11 @@ class Assignment(KrlLine):
     """Of what is assigned, in capitals, with index and components: ``$VEL.CP``, ``TOOL_DATA[1]``."""
     variable: str
     """The variable itself."""
-    index: tuple[Word, ...] | None
+    index: tuple[Token, ...] | None
     """Of an element: what stands between the brackets."""
     component: str
     """Of a structure, in capitals; empty where all of it is assigned."""
-    words: tuple[Word, ...]
+    words: tuple[Token, ...]
     """The value."""
 
     @property
@@ -184,15 +184,15 @@ class MotionLine(KrlLine):
     operands: tuple[Operand, ...]
     passing: tuple[str, ...]
     """Its words for passing by, such as ``C_DIS``."""
-    settings: dict[str, tuple[Word, ...]] = field(default_factory=dict[str, tuple[Word, ...]])
+    settings: dict[str, tuple[Token, ...]] = field(default_factory=dict[str, tuple[Token, ...]])
     """What it sets for itself behind WITH."""
-    angle: tuple[Word, ...] = ()
+    angle: tuple[Token, ...] = ()
     """Of an arc: the angle CA at which it ends, on the circle through its points."""
     along: str = ""
     """Of a motion by a distance: along whose axes, ``#BASE`` or ``#TOOL``; empty where it does not say."""
     trouble: str = ""
     """What is not understood of it; empty where all is."""
-    words: tuple[Word, ...] = ()
+    words: tuple[Token, ...] = ()
     """What stands behind the keyword, if functions are called there."""
 
 
@@ -202,7 +202,7 @@ class Call(KrlLine):
 
     name: str
     """In capitals."""
-    arguments: tuple[tuple[Word, ...], ...]
+    arguments: tuple[tuple[Token, ...], ...]
 
     @property
     def command(self) -> str:
@@ -218,7 +218,7 @@ class Beside(KrlLine):
     """INTERRUPT, TRIGGER, ANIN or ANOUT."""
     verb: str
     """DECL, ON or OFF; a TRIGGER is ON."""
-    number: tuple[Word, ...]
+    number: tuple[Token, ...]
     """Expression of the interrupt's number, empty for all; words of the analog signal."""
     shared: bool
     """Declared GLOBAL."""
@@ -231,7 +231,7 @@ class Control(KrlLine):
     """A line that steers where the program goes on, by its first word; ``LABEL`` for a label."""
 
     keyword: str
-    words: tuple[Word, ...] = ()
+    words: tuple[Token, ...] = ()
     """What stands behind it."""
 
 
@@ -242,7 +242,7 @@ _BEHIND_OPERANDS = (",", *PASSING, *FRAMES_OF_DISTANCES, "WITH")
 QUOTES = frozenset("'\"")
 
 
-def joined(words: Iterable[Word]) -> str:
+def joined(words: Iterable[Token]) -> str:
     """Words as one, in capitals."""
     return "".join(word.upper for word in words)
 
@@ -286,7 +286,7 @@ def _field(line: Words) -> Field:
     return Field(name=name.upper, words=words, value=number_of(words), touches=behind == words[0].start)
 
 
-def number_of(words: Sequence[Word]) -> float | None:
+def number_of(words: Sequence[Token]) -> float | None:
     """The number that words are: with a sign or without, or a bit string such as ``'B1010'``; None where they are none."""
     if len(words) == 1 and words[0].kind == "string":
         return bit_string(words[0].upper)
@@ -296,7 +296,7 @@ def number_of(words: Sequence[Word]) -> float | None:
     return value if isfinite(value) else None
 
 
-def value_of(words: Sequence[Word]) -> Aggregate | float | bool | None:
+def value_of(words: Sequence[Token]) -> Aggregate | float | bool | None:
     """The structure, number or truth value that words are; None where they are none."""
     match [word.upper for word in words[:2]]:
         case ["{", *_]:
@@ -318,9 +318,9 @@ def _operand(line: Words) -> Operand:
     return Operand(words=words, start=words[0].start if words else start, end=words[-1].end if words else start)
 
 
-def _settings(line: Words) -> dict[str, tuple[Word, ...]]:
+def _settings(line: Words) -> dict[str, tuple[Token, ...]]:
     """Assignments behind WITH, by the name of what they set."""
-    out: dict[str, tuple[Word, ...]] = {}
+    out: dict[str, tuple[Token, ...]] = {}
     while not line.done and not line.at(*PASSING):
         name = joined(line.taken_to("=", *PASSING))
         line.accept("=")
@@ -329,12 +329,12 @@ def _settings(line: Words) -> dict[str, tuple[Word, ...]]:
     return out
 
 
-def split_at_commas(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
+def split_at_commas(words: Sequence[Token]) -> tuple[tuple[Token, ...], ...]:
     """Words between commas that are in no bracket."""
     return tuple(map(tuple, parted(words, ",")))
 
 
-def closing(words: Sequence[Word]) -> int:
+def closing(words: Sequence[Token]) -> int:
     """Position at which the bracket closes with which words begin; behind the last one where it does not."""
     depth = 0
     for i, word in enumerate(words):
@@ -344,7 +344,7 @@ def closing(words: Sequence[Word]) -> int:
     return len(words)
 
 
-def arguments_of(words: Sequence[Word]) -> tuple[tuple[Word, ...], ...]:
+def arguments_of(words: Sequence[Token]) -> tuple[tuple[Token, ...], ...]:
     """Arguments between the commas of a pair of parentheses; one without words where there is none."""
     return split_at_commas(words[1 : closing(words)])
 
@@ -387,7 +387,7 @@ def parse(text: str, read: set[str] | None = None) -> list[KrlLine]:
     return statements
 
 
-def _statement(words: list[Word]) -> KrlLine:
+def _statement(words: list[Token]) -> KrlLine:
     span = {"start": words[0].start, "end": words[-1].end}
     shared = False
     while len(words) > 1 and words[0].upper in {"GLOBAL", "DECL", "CONST"}:
@@ -420,7 +420,7 @@ def _statement(words: list[Word]) -> KrlLine:
     return _assignment(words)
 
 
-def _beside(words: list[Word], shared: bool) -> Beside:
+def _beside(words: list[Token], shared: bool) -> Beside:
     upper = [word.upper for word in words]
     keyword, verb, number, action = upper[0], "".join(upper[1:2]), words[2:], None
     if keyword in ("ANIN", "ANOUT"):
@@ -444,7 +444,7 @@ def _beside(words: list[Word], shared: bool) -> Beside:
     )
 
 
-def _action(words: list[Word]) -> KrlLine:
+def _action(words: list[Token]) -> KrlLine:
     """The statement after DO, without its priority; a name alone is called."""
     words = words[: next((i for i, word in enumerate(words) if i and word.upper == "PRIO"), len(words))]
     if len(words) == 1 and words[0].kind == "name":
@@ -452,7 +452,7 @@ def _action(words: list[Word]) -> KrlLine:
     return _statement(words)
 
 
-def _assignment(words: list[Word]) -> KrlLine:
+def _assignment(words: list[Token]) -> KrlLine:
     start, end = words[0].start, words[-1].end
     equals = next((i for i, word in enumerate(words) if word.text == "="), None)
     if equals is None or equals + 1 == len(words):
@@ -469,7 +469,7 @@ def _assignment(words: list[Word]) -> KrlLine:
     )
 
 
-def _behind_name(words: list[Word]) -> tuple[tuple[Word, ...] | None, str]:
+def _behind_name(words: list[Token]) -> tuple[tuple[Token, ...] | None, str]:
     """Index and components of what is assigned to, such as ``[N].X``."""
     if not words or words[0].text != "[":
         return None, joined(words).removeprefix(".")
@@ -477,7 +477,7 @@ def _behind_name(words: list[Word]) -> tuple[tuple[Word, ...] | None, str]:
     return tuple(words[1:end]), joined(words[end + 1 :]).removeprefix(".")
 
 
-def _declaration(words: list[Word], shared: bool) -> Declaration:
+def _declaration(words: list[Token], shared: bool) -> Declaration:
     variables = [
         Declared(name=name.upper, words=_start_value(behind), start=name.start)
         for name, *behind in filter(None, parted(words[1:], ","))
@@ -488,26 +488,26 @@ def _declaration(words: list[Word], shared: bool) -> Declaration:
     )
 
 
-def _start_value(words: Sequence[Word]) -> tuple[Word, ...]:
+def _start_value(words: Sequence[Token]) -> tuple[Token, ...]:
     """What stands behind the equals sign, which follows a name or its size."""
     equals = closing(words) + 1 if words and words[0].text == "[" else 0
     return tuple(words[equals + 1 :]) if [word.text for word in words[equals : equals + 1]] == ["="] else ()
 
 
-def _motion(words: list[Word]) -> MotionLine:
+def _motion(words: list[Token]) -> MotionLine:
     keyword = words[0].upper
     cursor = Words(words)
     cursor.take()
     operands, passing = [_operand(cursor)], list[str]()
     trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write SPL to a complete point"
-    arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Word, ...]()
+    arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Token, ...]()
     while cursor.accept(","):
         if arc and not angle and cursor.accept("CA"):
             cursor.accept("=")
             angle = cursor.taken_to(",", *PASSING, "WITH")
         else:
             operands.append(_operand(cursor))
-    settings: dict[str, tuple[Word, ...]] = {}
+    settings: dict[str, tuple[Token, ...]] = {}
     while not cursor.done:
         word = cursor.take()
         if word.upper in PASSING:
@@ -534,7 +534,7 @@ def _motion(words: list[Word]) -> MotionLine:
     )
 
 
-def _parameters(words: list[Word]) -> tuple[tuple[str, bool], ...]:
+def _parameters(words: list[Token]) -> tuple[tuple[str, bool], ...]:
     """Names in the parentheses of a routine's head, such as ``(N :IN, P :OUT)``, and whether each is given by value."""
     opening = next((i for i, word in enumerate(words) if word.text == "("), len(words))
     groups = arguments_of(words[opening:])
@@ -564,7 +564,7 @@ def changes_nothing(function: str) -> bool:
     return function in _BY_VALUE or function in _OPERATORS
 
 
-def whole_call(words: Sequence[Word]) -> Call | None:
+def whole_call(words: Sequence[Token]) -> Call | None:
     """The function whose value is all of an expression; None where it is anything else."""
     if len(words) < 3 or words[0].kind != "name" or words[1].text != "(" or closing(words[1:]) != len(words) - 2:
         return None

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.program import Motion, Reason, Unresolved, angled_pose, pose_numbers, rotations
+from robot_programs.core.program import Cause, Motion, Unresolved, angled_pose, pose_numbers, rotations
 from robot_programs.core.source import TextEdit, renumbered
 from robot_programs.core.values import (
     FUNCTIONS,
@@ -26,7 +26,7 @@ from robot_programs.core.values import (
     operated,
     plain,
 )
-from robot_programs.krl.syntax import Aggregate, Field, Word, value_of
+from robot_programs.krl.syntax import Aggregate, Field, Token, value_of
 from taskcal_groundwork import se3
 
 POSE = ("X", "Y", "Z", "A", "B", "C")
@@ -99,7 +99,7 @@ def _part(one: Field, *, listed: bool) -> Any:
     return Settable(one.value) if listed else one.value
 
 
-def value_in(file: int, words: Sequence[Word], *, listed: bool = False) -> Structure | float | bool | None:
+def value_in(file: int, words: Sequence[Token], *, listed: bool = False) -> Structure | float | bool | None:
     """The structure, number or truth value that words are, of which a data list may hold each; None where they are none."""
     found = value_of(words)
     return structured(found, file, listed=listed) if isinstance(found, Aggregate) else found
@@ -132,7 +132,7 @@ def as_position(value: Any, said: Callable[[str], str] | None = None) -> Structu
         if isinstance(part, Lost) and name in NUMBERS:
             if part.told:
                 raise Unresolved(part.reason)
-            raise Unresolved(said(part.reason) if said else Reason(f"its {name} {part.reason}", of=[part.reason]))
+            raise Unresolved(said(part.reason) if said else Cause(f"its {name} {part.reason}", of=[part.reason]))
         if isinstance(own := plain(part), float | str):
             parts[str(name)] = own
     return position(value.kind, parts)
@@ -426,7 +426,7 @@ def _component(value: Any, name: tuple[str, str]) -> Any:
     if part is None:
         raise Unresolved(f"{own}.{component} is not stated")
     if isinstance(part, Lost):
-        raise Unresolved(part.reason if part.told else Reason(f"{own}.{component} {part.reason}", of=[part.reason]))
+        raise Unresolved(part.reason if part.told else Cause(f"{own}.{component} {part.reason}", of=[part.reason]))
     return real(part) if isinstance(part, float) and component in LENGTHS and _is_position(value) else plain(part)
 
 

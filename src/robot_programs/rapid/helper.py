@@ -12,7 +12,19 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from math import cos, degrees
 
 from robot_programs.core.flow import reached
-from robot_programs.core.form import Ask, Assign, Check, Do, Expression, Line, Move, Ref, asks_in, expressions, inside
+from robot_programs.core.form import (
+    Ask,
+    Assign,
+    Check,
+    Do,
+    Expression,
+    Line,
+    MoveLine,
+    Ref,
+    asks_in,
+    expressions,
+    inside,
+)
 from robot_programs.core.helper import Dialect, HelperModule, indented, single
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import Source, TextEdit
@@ -95,7 +107,7 @@ def wrap(
 
 def calls_function(line: Line, function: str) -> bool:
     """Whether a function stands around an argument of a line."""
-    own = (*line.points, *line.settings.values()) if isinstance(line, Move) else expressions(line)
+    own = (*line.points, *line.settings.values()) if isinstance(line, MoveLine) else expressions(line)
     return any(isinstance(one, Ask) and one.name.lower() == function.lower() for one in own)
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from robot_programs.core import flow
-from robot_programs.core.flow import Arm, Block, Branches, Leave, Node, Step, Unknown
+from robot_programs.core.flow import Arm, Block, Branches, FlowStep, Leave, Node, Unknown
 from robot_programs.core.form import Arming, Ask, Assign, Check, Do, Expression, Hole, Key, Lit, Op, Rec, Ref, Span
-from robot_programs.core.kit import Word
-from robot_programs.core.program import Reason, Unresolved
+from robot_programs.core.kit import Token
+from robot_programs.core.program import Cause, Unresolved
 from robot_programs.core.values import MAX_DEPTH
 from robot_programs.rapid.names import (
     BY_NAME,
@@ -118,8 +118,8 @@ def type_of(name: str, scope: Scope) -> str:
 
 
 def names_in_unparsed_text(
-    tokens: Sequence[Word], scope: Scope, changes: Callable[[str, bool, str], bool]
-) -> Iterator[tuple[Word, bool]]:
+    tokens: Sequence[Token], scope: Scope, changes: Callable[[str, bool, str], bool]
+) -> Iterator[tuple[Token, bool]]:
     """Names in text that was not understood, and whether their data may change there.
 
     They may where an assignment follows, at the beginning of a statement, where they are declared, and behind an instruction
@@ -164,21 +164,21 @@ def names_in_unparsed_text(
         begins, valued = False, True
 
 
-def _is_data(token: Word, scope: Scope) -> bool:
+def _is_data(token: Token, scope: Scope) -> bool:
     try:
         return scope.find(token.text) is not None
     except Unresolved:
         return True
 
 
-def _is_value(token: Word | None) -> bool:
+def _is_value(token: Token | None) -> bool:
     """Whether a value begins with a token."""
     if token is None:
         return False
     return token.text == "[" or token.kind in _VALUES or (token.kind == "name" and token.text.lower() not in RESERVED)
 
 
-def _assigned_by_change(tokens: Sequence[Word], keys: Sequence[str]) -> frozenset[int]:
+def _assigned_by_change(tokens: Sequence[Token], keys: Sequence[str]) -> frozenset[int]:
     """Which tokens are names that ``:=`` follows, behind their components and indices."""
     names: set[int] = set()
     name: int | None = None
@@ -236,7 +236,7 @@ class Instructed(Do):
 class Unread(Do):
     """Text that is not understood."""
 
-    words: tuple[Word, ...]
+    words: tuple[Token, ...]
     problem: SyntaxProblem
     names: tuple[Ref, ...]
     """Data that it names."""
@@ -251,7 +251,7 @@ class NotedInstruction:
     """An instruction of which something is to be said, or a word in text that is not understood that may be one."""
 
     file: ModuleFile
-    word: Word
+    word: Token
     options: frozenset[str]
     kind: str = ""
     """``late`` where it calls a procedure by a name that only the running program knows, ``strange`` where it is not known."""
@@ -363,7 +363,7 @@ class _Lowering(RapidReader):
 
     # Expressions.
 
-    def datum(self, name: Word, path: Sequence[str | tuple[Expression, ...]], at: Span) -> Expression:
+    def datum(self, name: Token, path: Sequence[str | tuple[Expression, ...]], at: Span) -> Expression:
         """Data, or a part of them; a hole where nothing of that name is known."""
         self.type = ""
         try:
@@ -372,7 +372,7 @@ class _Lowering(RapidReader):
             return Hole(at=at, why=str(why))
         if symbol is None:
             why = f"'{name.text}' is not declared in the files; pass the module that declares it"
-            return Hole(at=at, why=Reason(why, (name.text, "other")))
+            return Hole(at=at, why=Cause(why, (name.text, "other")))
         found, of = list[Expression](), symbol.type
         for step in path:
             if isinstance(step, tuple):
@@ -387,7 +387,7 @@ class _Lowering(RapidReader):
         self.type = of
         return Ref(at=at, name=f"'{symbol.name}'", key=symbol, path=(tuple(found),) if found else ())
 
-    def asked(self, name: Word, arguments: Sequence[Argument], at: Span) -> Ask:
+    def asked(self, name: Token, arguments: Sequence[Argument], at: Span) -> Ask:
         """The value of a function."""
         key = key_of(name)
         if key in self.scope.routines:
@@ -449,7 +449,7 @@ class _Lowering(RapidReader):
         others = [a for a in arguments if a not in known]
         return sum(self._changed(others, key, function=function), ()) if others else ()
 
-    def _ref(self, name: Word | None, value: Expression | None) -> Ref | None:
+    def _ref(self, name: Token | None, value: Expression | None) -> Ref | None:
         """Data that may be changed."""
         if name is None or value is None:
             return None
@@ -530,7 +530,7 @@ class _Lowering(RapidReader):
             case _:
                 line = self._alike()
                 if line is not None:
-                    return [Step(line=line)]
+                    return [FlowStep(line=line)]
         label = _COLON.match(self.text, first.end)
         if label is not None and first.kind == "name" and first.text.lower() not in RESERVED:
             self.jump(label.end())
@@ -571,7 +571,7 @@ class _Lowering(RapidReader):
             changes=tuple(changes), moves=True, words=found, problem=problem, names=tuple(named),
         )  # fmt: skip
         traps = tuple(routine for routine in line.routines if routine.beside)
-        return [Unknown(line=line), *([Step(line=Arming(at=line.at, routines=traps))] if traps else [])]
+        return [Unknown(line=line), *([FlowStep(line=Arming(at=line.at, routines=traps))] if traps else [])]
 
     def _blocks(self, key: str) -> Node:
         """IF, TEST, FOR or WHILE with the blocks in it."""
@@ -645,7 +645,7 @@ class _Lowering(RapidReader):
                 self.expect("WITH")
                 named = self.scope.routines.get(key_of(self.name()), ())
                 at, traps = self._ended(first), tuple(routine for routine in named if routine.beside)
-                yield Step(line=Arming(at=at, routines=traps) if traps else Reading(at=at))
+                yield FlowStep(line=Arming(at=at, routines=traps) if traps else Reading(at=at))
             case "%":
                 self.take()
                 self.expression()
@@ -658,12 +658,12 @@ class _Lowering(RapidReader):
                     target = self.selected(name)
                     self.expect(":=")
                     value, ref = self.expression(), self._ref(name, target)
-                    yield Step(line=self._assignment(self._ended(first), ref, target, value))
+                    yield FlowStep(line=self._assignment(self._ended(first), ref, target, value))
                 else:
                     arguments = self.arguments(";")
                     yield from self._instruction(name, arguments, self._ended(first))
 
-    def _ended(self, first: Word) -> Span:
+    def _ended(self, first: Token) -> Span:
         """Place of a statement that ends here."""
         self.expect(";")
         return self.span(first.start)
@@ -673,7 +673,7 @@ class _Lowering(RapidReader):
             return Reading(at=at, conditions=(value, stated))
         return Assign(at=at, target=target, value=value)
 
-    def _instruction(self, name: Word, arguments: Sequence[Argument], at: Span) -> Iterator[Node]:
+    def _instruction(self, name: Token, arguments: Sequence[Argument], at: Span) -> Iterator[Node]:
         key = key_of(name)
         options = frozenset(argument.option for argument in arguments if argument.option)
         own = self.scope.routines.get(key)
@@ -683,19 +683,19 @@ class _Lowering(RapidReader):
             self.form.instructions.append(NotedInstruction(file=file, word=name, options=options, kind=kind))
         if own is not None:
             sure = not own[0].local or own[0].scope.module is self.scope.module
-            yield Step(
+            yield FlowStep(
                 line=Do(
                     at=at, routines=own, arguments=self._given_to(arguments, own), why=self._set_in(name.start),
                     changes=self._extra(arguments, key, own), sure=sure,
                 )
             )  # fmt: skip
         elif key in MOTION_FORMS:
-            yield Step(line=self._motion(name, arguments, options))
+            yield FlowStep(line=self._motion(name, arguments, options))
             if key in CHANGED_BY or not RETURNING.isdisjoint(options):
                 changes, _ = self._changed(arguments, key)
-                yield Step(line=Do(at=at, changes=changes, why=self._set_in(name.start)))
+                yield FlowStep(line=Do(at=at, changes=changes, why=self._set_in(name.start)))
         elif (counted := self._counted(key, arguments, at)) is not None:
-            yield Step(line=counted)
+            yield FlowStep(line=counted)
         else:
             given = tuple(argument.value for argument in arguments if argument.value is not None)
             if key in STOPPING:
@@ -703,19 +703,19 @@ class _Lowering(RapidReader):
                 return
             if key in (SOFTENING, STIFFENING):
                 soft = Lit(at=at, value=key == SOFTENING)
-                yield Step(line=Assign(at=at, target=Ref(at=at, name="SoftAct", key=SOFT), value=soft))
+                yield FlowStep(line=Assign(at=at, target=Ref(at=at, name="SoftAct", key=SOFT), value=soft))
             changes, lends = self._changed(arguments, key)
             if key != ONLY_EXTERNAL and self._moves(key, arguments):
-                yield Step(line=self._unread_motion(name, arguments, options, "this motion is not read", ()))
+                yield FlowStep(line=self._unread_motion(name, arguments, options, "this motion is not read", ()))
             if changes or lends or key not in MOTIONLESS:
-                yield Step(
+                yield FlowStep(
                     line=Instructed(
                         at=at, arguments=given, changes=changes, lends=lends, why=self._set_in(name.start),
                         moves=key not in MOTIONLESS, any=kind == "late", name=name.text,
                     )
                 )  # fmt: skip
             else:
-                yield Step(line=Reading(at=at, conditions=given))
+                yield FlowStep(line=Reading(at=at, conditions=given))
 
     def _set_in(self, place: int) -> str:
         """What is said behind the name of data that an instruction may change."""
@@ -776,12 +776,12 @@ class _Lowering(RapidReader):
         self.notes.count("values", start)
         if self.text[start] == "[":
             return self.literal(start, end)
-        name = Word("name", sys.intern(self.text[start:end]), start)
+        name = Token("name", sys.intern(self.text[start:end]), start)
         value = self.datum(name, (), (self.file, start, end))
         return self._target(Argument(start=start, end=end, value=value, name=name, type=self.type), type_)
 
     def _unread_motion(
-        self, name: Word, arguments: Sequence[Argument], options: frozenset[str], why: str, given: Sequence[Expression]
+        self, name: Token, arguments: Sequence[Argument], options: frozenset[str], why: str, given: Sequence[Expression]
     ) -> MoveInstruction:
         settings = {str(k): one for k, one in enumerate(given)}
         return MoveInstruction(
@@ -789,13 +789,13 @@ class _Lowering(RapidReader):
             routine=self.procedure.name, scope=self.scope, finds=self._finds(name, arguments),
         )  # fmt: skip
 
-    def _finds(self, name: Word, arguments: Sequence[Argument]) -> Ref | None:
+    def _finds(self, name: Token, arguments: Sequence[Argument]) -> Ref | None:
         required = [argument for argument in arguments if not argument.option]
         if name.text.lower() not in CHANGED_BY or len(required) < 2:
             return None
         return self._ref(required[1].name, required[1].value)
 
-    def _motion(self, name: Word, arguments: Sequence[Argument], options: frozenset[str]) -> MoveInstruction:
+    def _motion(self, name: Token, arguments: Sequence[Argument], options: frozenset[str]) -> MoveInstruction:
         key, at = key_of(name), self.span(name.start)
         form = MOTION_FORMS[key]
         try:
@@ -868,7 +868,7 @@ class _Lowering(RapidReader):
             unknown = False
         if unknown:
             why = f"unknown {what} '{name.text}'; pass the module that declares it"
-            return Hole(at=value.at, why=Reason(why, (name.text, "tool" if what == "tool" else "part")))
+            return Hole(at=value.at, why=Cause(why, (name.text, "tool" if what == "tool" else "part")))
         if isinstance(value, Ref) and argument.type != type_:
             return Hole(at=value.at, why=f"'{name.text}' is {argument.type}, not {type_}")
         return _whole(value)
@@ -876,8 +876,8 @@ class _Lowering(RapidReader):
 
 def _compact(node: Node) -> Node:
     """A node of the statement of an IF without THEN."""
-    is_motion = isinstance(node, Step) and isinstance(node.line, MoveInstruction)
-    return Step(line=replace(node.line, compact=True)) if is_motion else node
+    is_motion = isinstance(node, FlowStep) and isinstance(node.line, MoveInstruction)
+    return FlowStep(line=replace(node.line, compact=True)) if is_motion else node
 
 
 def _is_reserved(name: str | None) -> bool:

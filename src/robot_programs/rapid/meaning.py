@@ -23,8 +23,8 @@ from robot_programs.core.form import (
     expressions,
     inside,
 )
-from robot_programs.core.interpreter import FoundMotion, Interpreter, Meaning, Path
-from robot_programs.core.program import THROUGH_TARGET, Reason, Unresolved, Zone
+from robot_programs.core.interpreter import FoundMotion, Interpreter, LanguageMeaning, Path
+from robot_programs.core.program import THROUGH_TARGET, Cause, Unresolved, Zone
 from robot_programs.core.values import Lost, Settable, Structure, operated
 from robot_programs.rapid.lower import SOFT, Instructed, LoweredRapid, Unread
 from robot_programs.rapid.names import DATA, LATE, ModuleFile, Symbol, Value
@@ -80,7 +80,7 @@ _SHIFTS = ("offs", "reltool")
 
 
 @dataclass(eq=False, kw_only=True)
-class RapidMeaning(Meaning):
+class RapidMeaning(LanguageMeaning):
     """Data and motions of the modules of a program."""
 
     PASSES: ClassVar = MAX_PASSES
@@ -261,7 +261,7 @@ class RapidMeaning(Meaning):
             return (
                 value
                 if value.reason in (said, self.SET)
-                else Lost(reason=Reason(f"{said}: {value.reason}", of=[value.reason]))
+                else Lost(reason=Cause(f"{said}: {value.reason}", of=[value.reason]))
             )
         if not isinstance(value, Structure) or value.origin is None:
             return value
@@ -366,7 +366,7 @@ class RapidMeaning(Meaning):
         try:
             self._manner(line, settings)
         except Unresolved as reason:
-            return Unresolved(Reason(f"{reason}; {why}", of=[reason, why]))
+            return Unresolved(Cause(f"{reason}; {why}", of=[reason, why]))
         return why
 
     def motion(self, line: Any, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
@@ -384,7 +384,7 @@ class RapidMeaning(Meaning):
             try:
                 self._targets(line, points, type_)
             except Unresolved as other:
-                raise Unresolved(Reason(f"{reason}; {other}", of=[reason, other])) from None
+                raise Unresolved(Cause(f"{reason}; {other}", of=[reason, other])) from None
             raise
         (end, *via) = self._targets(line, points, type_)[::-1]
         if self.softens and settings.get("soft") is not False:
@@ -483,7 +483,7 @@ class RapidMeaning(Meaning):
             except Unresolved as why:
                 unknown.append(why)
         if unknown:
-            raise Unresolved(Reason("; ".join(map(str, unknown)), of=unknown))
+            raise Unresolved(Cause("; ".join(map(str, unknown)), of=unknown))
         return found
 
     def _frame(self, stated: Expression, value: Any) -> tuple[str, Value]:

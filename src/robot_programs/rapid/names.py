@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from robot_programs.core.form import Routine
-from robot_programs.core.kit import Word
+from robot_programs.core.kit import Token
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
 from robot_programs.core.values import Lost
@@ -233,7 +233,7 @@ class Scope:
         own = TYPES.get(type_)
         return own is not None and self.types.get(type_) is own and type_ not in ("robtarget", "jointtarget")
 
-    def with_counter(self, counter: Word) -> "tuple[Symbol, Scope]":
+    def with_counter(self, counter: Token) -> "tuple[Symbol, Scope]":
         """The counter of a FOR, which declares it, and the scope inside."""
         symbol = Symbol(name=counter.text, type="num", obstacle=f"'{counter.text}' counts a loop")
         return symbol, replace(self, own={**self.own, key_of(counter): [symbol]})

@@ -8,7 +8,7 @@ from itertools import islice
 from typing import ClassVar
 
 from robot_programs.core.form import Ask, Expression, Hole, Lit, Op, Rec, Ref, Span
-from robot_programs.core.kit import Cursor, Word
+from robot_programs.core.kit import Cursor, Token
 from robot_programs.core.program import Unresolved
 from robot_programs.core.source import Source
 from robot_programs.core.values import MAX_DEPTH, Structure
@@ -93,7 +93,7 @@ class Notes:
         first = min(problems, key=lambda problem: problem.position)
         return self.too_much(what, first.position, first.text)
 
-    def passed_over(self, start: int, end: int, problem: SyntaxProblem) -> tuple[Word, ...]:
+    def passed_over(self, start: int, end: int, problem: SyntaxProblem) -> tuple[Token, ...]:
         """Words of text that is not understood.
 
         Raises:
@@ -122,7 +122,7 @@ class Argument:
     """None for a switch."""
     conditional: bool = False
     r"""It is passed on where the routine itself got it: ``\WObj?w``."""
-    name: Word | None = None
+    name: Token | None = None
     """Of data, or of those of which it is a part; None of any other value."""
     type: str = ""
     """Of such data, as far as it is known, in lower case."""
@@ -143,7 +143,7 @@ class RapidReader(Cursor):
     def __init__(self, notes: Notes, file: int = 0) -> None:
         super().__init__((), file)
         self.text, self.notes = notes.source.text, notes
-        self._end = Word("end", "", len(self.text))
+        self._end = Token("end", "", len(self.text))
         self.names = 0
         """How many were read."""
         self.type = ""
@@ -164,12 +164,12 @@ class RapidReader(Cursor):
         self._left, self._begun = LIMITS["words"][0], self._next.start
 
     @property
-    def next(self) -> Word:
+    def next(self) -> Token:
         """The next word; one without text at the end."""
         return self._next
 
     @property
-    def behind_next(self) -> Word:
+    def behind_next(self) -> Token:
         """The word after that."""
         return next(words(self.text, self._next.end, len(self.text)), self._end)
 
@@ -183,7 +183,7 @@ class RapidReader(Cursor):
         """Behind the word read last."""
         return self._behind
 
-    def take(self) -> Word:
+    def take(self) -> Token:
         """Read a word; at the end of the file none.
 
         Raises:
@@ -204,7 +204,7 @@ class RapidReader(Cursor):
         if not self.accept(text):
             raise self.problem(f"'{text}' is missing before")
 
-    def name(self) -> Word:
+    def name(self) -> Token:
         """Read a name that is not a reserved word."""
         if self._next.kind != "name" or self._next.text.lower() in RESERVED:
             raise self.problem("a name is missing before")
@@ -239,11 +239,11 @@ class RapidReader(Cursor):
 
     # Expressions.
 
-    def datum(self, name: Word, path: Sequence[str | tuple[Expression, ...]], at: Span) -> Expression:
+    def datum(self, name: Token, path: Sequence[str | tuple[Expression, ...]], at: Span) -> Expression:
         """Data, or a part of them."""
         return Ref(at=at, name=name.text, key=key_of(name), path=tuple(path))
 
-    def asked(self, name: Word, arguments: Sequence[Argument], at: Span) -> Expression:
+    def asked(self, name: Token, arguments: Sequence[Argument], at: Span) -> Expression:
         """The value of a function."""
         return Ask(at=at, name=name.text, arguments=tuple(one.value for one in arguments if one.value is not None))
 
@@ -281,7 +281,7 @@ class RapidReader(Cursor):
             case _:
                 return self._bracketed()
 
-    def _literal(self, word: Word) -> Lit:
+    def _literal(self, word: Token) -> Lit:
         if self.depth + 3 > MAX_DEPTH:
             raise self.problem(f"brackets or blocks are nested deeper than {MAX_DEPTH} at")
         self.take()
@@ -337,7 +337,7 @@ class RapidReader(Cursor):
             return self.asked(name, arguments, self.span(name.start))
         return self.selected(name)
 
-    def selected(self, name: Word) -> Expression:
+    def selected(self, name: Token) -> Expression:
         """Read the components and indices behind a name."""
         path: list[str | tuple[Expression, ...]] = []
         height = 0
@@ -504,11 +504,11 @@ class _Parser(RapidReader):
             case _:
                 raise self.problem("a declaration or a routine is missing before")
 
-    def _module_name(self) -> Word:
+    def _module_name(self) -> Token:
         try:
             return self.name()
         except NotUnderstood as problem:
-            return Word("name", "", self.noted(problem).position)
+            return Token("name", "", self.noted(problem).position)
 
     def _record(self, module: ModuleText) -> None:
         self.accept("LOCAL")
@@ -553,7 +553,7 @@ class _Parser(RapidReader):
         """A declaration of a list of nothing but numbers, not word by word."""
         self.notes.count("values", start)
         self.jump(found.end())
-        type_, name = (Word("name", sys.intern(found[one]), found.start(one)) for one in ("type", "name"))
+        type_, name = (Token("name", sys.intern(found[one]), found.start(one)) for one in ("type", "name"))
         return DataDeclaration(
             start=start, end=found.end(), storage=found["storage"].lower(), local=local, type=type_, name=name,
             value_at=found.start("list"), literal=self.literal(*found.span("list")),

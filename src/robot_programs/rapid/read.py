@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 
 from robot_programs.core.flow import Findings
-from robot_programs.core.form import Move
+from robot_programs.core.form import MoveLine
 from robot_programs.core.interpreter import FoundMotion, interpreted
-from robot_programs.core.program import Diagnostic, Frame, Motion, Reason
+from robot_programs.core.program import Cause, Diagnostic, Frame, Motion
 from robot_programs.core.source import Source, uncollected
 from robot_programs.rapid.lower import LoweredRapid, Unread, lowered
 from robot_programs.rapid.meaning import RapidMeaning, uses
@@ -105,12 +105,12 @@ def _frames(form: LoweredRapid, meaning: RapidMeaning) -> dict[Symbol, Value]:
     return {one: plain(meaning.declared(one)) for one in form.declared if one.type in ("tooldata", "wobjdata")}
 
 
-def _motion(line: Move) -> MoveInstruction:
+def _motion(line: MoveLine) -> MoveInstruction:
     assert isinstance(line, MoveInstruction)
     return line
 
 
-def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple[list[RapidSite], list[Motion]]:
+def _motions(findings: Findings[MoveLine, FoundMotion], settings: Settings) -> tuple[list[RapidSite], list[Motion]]:
     """All that can be rewritten, in the order of the text."""
     found = list(findings.ordered(lambda one: not _is_torn(one.motion.written, findings), lambda line: line.at[:2]))
     sites: list[RapidSite] = [one.motion.written for one in found]
@@ -122,7 +122,7 @@ def _motions(findings: Findings[Move, FoundMotion], settings: Settings) -> tuple
     ]
 
 
-def _is_torn(site: RapidSite, findings: Findings[Move, FoundMotion]) -> bool:
+def _is_torn(site: RapidSite, findings: Findings[MoveLine, FoundMotion]) -> bool:
     """Whether a motion's own text would have to change, while on other ways nobody knows where it leads."""
     if site.line not in findings.reasons:
         return False
@@ -130,13 +130,13 @@ def _is_torn(site: RapidSite, findings: Findings[Move, FoundMotion]) -> bool:
 
 
 def _left(
-    findings: Findings[Move, FoundMotion], sites: Iterable[RapidSite], meaning: RapidMeaning
+    findings: Findings[MoveLine, FoundMotion], sites: Iterable[RapidSite], meaning: RapidMeaning
 ) -> Iterator[Diagnostic]:
     """Why motions stay as they are, on all ways or on some."""
     partly, files = {site.line for site in sites}, meaning.files
     for line, (_, reason) in findings.reasons.items():
         where = " in some calls" if line in partly else ""
-        text = Reason(f"{_motion(line).name} stays as it is{where}: {reason}", of=[reason])
+        text = Cause(f"{_motion(line).name} stays as it is{where}: {reason}", of=[reason])
         yield Diagnostic(place=files[line.at[0]].source.place(line.at[1]), text=text, unread=True)
     found = {one.text for one in findings.occurrences}
     for routine in meaning.lowered.all:
@@ -211,7 +211,7 @@ def _cautions(form: LoweredRapid) -> Iterator[Diagnostic]:
                 "in the files given is taken to leave all data as they are"
             )
         elif one.kind == "strange":
-            text = Reason(
+            text = Cause(
                 f"{name} is not in the files given; it is taken to leave all data as they are that it is not given",
                 (name, "other"),
             )

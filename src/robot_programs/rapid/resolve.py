@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, Literal
 
@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.flow import Ordered
-from robot_programs.core.form import Move, Ref, Span, Text
+from robot_programs.core.form import MoveLine, Ref, Span, Text
 from robot_programs.core.interpreter import FoundMotion
-from robot_programs.core.program import Motion, MotionKind, Target, Unresolved, Zone
+from robot_programs.core.program import Motion, MotionFrames, MotionKind, Target, Unresolved, Zone
 from robot_programs.core.robot import Robot, arm_bends
 from robot_programs.core.source import Place, Source
 from robot_programs.rapid.names import ModuleFile, Scope, Value
@@ -22,7 +22,6 @@ from robot_programs.rapid.syntax import AggregateText
 from robot_programs.rapid.values import (
     MAX_COORDINATE_MM,
     UNIT_TOLERANCE,
-    Frames,
     PassedArgument,
     TracedOrigin,
     numbers,
@@ -417,7 +416,7 @@ class MotionArguments:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MoveInstruction(Move):
+class MoveInstruction(MoveLine):
     """A motion instruction."""
 
     name: str
@@ -455,7 +454,7 @@ class Settings:
     """What lets servos give way, and where; empty if nothing does."""
     T_world_base: Float[np.ndarray, "4 4"] | None = None
     """Where the robot stands; None where it stands in the world's origin, as far as the files tell."""
-    frames: dict[Frames, Frames] = field(default_factory=dict[Frames, Frames])
+    frames: dict[MotionFrames, MotionFrames] = field(default_factory=dict[MotionFrames, MotionFrames])
     """Frames as the program states them, and counted in the robot's base: made once, so that one frame is one object."""
     notes: dict[str, tuple[ModuleFile, int]] = field(default_factory=dict[str, tuple[ModuleFile, int]])
     """Warnings that came up, each with the file and character where it did first."""
@@ -471,7 +470,7 @@ class Settings:
 class Manner:
     """How a motion moves, wherever it leads."""
 
-    frames: Frames
+    frames: MotionFrames
     stops: bool
     zone: Zone | None
     speed: float | None
@@ -586,12 +585,17 @@ def axes_of(external: tuple[float, ...]) -> tuple[float, ...]:
     return tuple([axis if abs(axis) < MAX_AXIS_POSITION else math.nan for axis in external])
 
 
-def in_base(frames: Frames, settings: Settings) -> Frames:
-    """Frames counted in the robot's base."""
-    if settings.T_world_base is None:
+def in_base(frames: MotionFrames, settings: Settings) -> MotionFrames:
+    """Frames counted in the robot's base: RAPID counts what stands still in the world."""
+    if settings.T_world_base is None or (frames.carrier and not frames.part_in_hand):
         return frames
     if frames not in settings.frames:
-        settings.frames[frames] = frames.on(settings.T_world_base)
+        T_base_world = se3.inverse(settings.T_world_base)
+        if frames.part_in_hand:
+            found = replace(frames, tool=replace(frames.tool, T=T_base_world @ frames.tool.T))
+        else:
+            found = replace(frames, part=replace(frames.part, T=T_base_world @ frames.part.T))
+        settings.frames[frames] = found
     return settings.frames[frames]
 
 

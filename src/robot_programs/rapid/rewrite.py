@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.flow import Loop, lines_in
-from robot_programs.core.form import Ask, Assign, Check, Do, Line, Move, Routine, Span, inside
+from robot_programs.core.form import Ask, Assign, Check, Do, Line, MoveLine, Routine, Span, inside
 from robot_programs.core.program import (
     Composition,
     Frame,
@@ -20,7 +20,7 @@ from robot_programs.core.program import (
     MotionKind,
     Paths,
     Target,
-    Visit,
+    TargetVisit,
     Waypoint,
     Wrapping,
     wrapping,
@@ -29,7 +29,7 @@ from robot_programs.core.robot import Robot
 from robot_programs.core.sharing import Pose, SharingProgram, Spelling, Use
 from robot_programs.core.source import FreshNames, Place, Source, TextEdit
 from robot_programs.core.values import Origin
-from robot_programs.core.written_out import Repeated, Table, Turns
+from robot_programs.core.written_out import Repeated, TargetArray, Turns
 from robot_programs.rapid.helper import calls_function, wrap
 from robot_programs.rapid.lower import FRAMES, Labelled, LoweredRapid, Unread
 from robot_programs.rapid.meaning import Reference
@@ -311,7 +311,7 @@ class RapidProgram(SharingProgram):
             and not (end.passed or end.root.passed)
         )
 
-    def listed(self, routine: Procedure, name: str, table: Table) -> Iterator[tuple[Source, Span, str]]:
+    def listed(self, routine: Procedure, name: str, table: TargetArray) -> Iterator[tuple[Source, Span, str]]:
         """A constant array of a routine; see `SharingProgram.listed`."""
         source, ends = routine.file.source, [self.sites[i].end for i in table.numbers]
         newline, size = source.newline + source.indent(routine.start) + "  ", ",".join(map(str, table.size))
@@ -340,14 +340,14 @@ class RapidProgram(SharingProgram):
                 routine.file.source.place(line.at[1])
                 for routine in again.form.procedures
                 for line in routine.lines
-                if isinstance(line, Move | Do) and calls_function(line, function)
+                if isinstance(line, MoveLine | Do) and calls_function(line, function)
             }
             left = (one for one in again.unresolved if not calls_function(one, function))
             return replace(again, unresolved=frozenset(left)), having
 
         return wrapping(self, wrap(self.form, motions, function, without, self.shift, self.frames), added, cleared)
 
-    def visits(self) -> Iterator[Visit]:
+    def visits(self) -> Iterator[TargetVisit]:
         """Motions of one routine to one target in one tool and work object; see `Program.visits`.
 
         A motion goes to the target that it names or shifts, and to those from which a variable was set last that it names.
@@ -422,7 +422,7 @@ class _TargetStop(NamedTuple):
     place: Place
 
 
-def _visits(routine: Routine, stops: Iterable[_TargetStop]) -> Iterator[Visit]:
+def _visits(routine: Routine, stops: Iterable[_TargetStop]) -> Iterator[TargetVisit]:
     by_datum: dict[object, list[_TargetStop]] = defaultdict(list)
     for stop in stops:
         for datum in stop.data:
@@ -433,7 +433,7 @@ def _visits(routine: Routine, stops: Iterable[_TargetStop]) -> Iterator[Visit]:
             # what is given by a call is of no other kind: compared with all, they would take time by their square
             for frames, given in kinds if stop.given is None else ((stop.frames, stop.given),):
                 if stop.frames == frames if stop.number is not None else stop.frames >= frames:
-                    yield Visit(number=stop.number, target=(routine, datum, frames, given), place=stop.place)
+                    yield TargetVisit(number=stop.number, target=(routine, datum, frames, given), place=stop.place)
 
 
 # Loops written turn by turn, and routines for each of their calls.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from robot_programs.core.form import Lit
-from robot_programs.core.kit import Word
+from robot_programs.core.kit import Token
 from robot_programs.core.source import Source
 
 # Words: names, numbers, strings, lists of nothing but numbers, and symbols, each with its place in the text.
@@ -50,17 +50,17 @@ RESERVED = frozenset(_RESERVED.split())
 """Words that are not names."""
 
 
-def words(text: str, start: int, end: int) -> Iterator[Word]:
+def words(text: str, start: int, end: int) -> Iterator[Token]:
     """The words between the start of one and the end of the same or a later one, in a module's text."""
     for match in WORD.finditer(text, start, end):
         kind = match.lastgroup or ""
         if kind == "name":  # the same come again and again; what is kept of the text has each once
-            yield Word(kind, sys.intern(match[0]), match.start())
+            yield Token(kind, sys.intern(match[0]), match.start())
         elif kind != "space":
-            yield Word(kind, match[0], match.start())
+            yield Token(kind, match[0], match.start())
 
 
-def tokenize(text: str) -> Iterator[Word]:
+def tokenize(text: str) -> Iterator[Token]:
     """The words of a module's text without white space, comments and header."""
     return words(text, behind_header(text), len(text))
 
@@ -72,7 +72,7 @@ def behind_header(text: str) -> int:
     return 0 if end < 0 else end + 3
 
 
-def key_of(word: Word) -> str:
+def key_of(word: Token) -> str:
     """The text by which a name is compared: letter case does not matter in RAPID."""
     return sys.intern(word.text.lower())
 
@@ -155,8 +155,8 @@ class DataDeclaration:
     storage: str
     """``const``, ``pers`` or ``var``."""
     local: bool
-    type: Word
-    name: Word
+    type: Token
+    name: Token
     dimensions: int = 0
     """Of an array; none of other data."""
     sizes_at: int = 0
@@ -171,7 +171,7 @@ class DataDeclaration:
 class RoutineParameter:
     """Parameter of a routine."""
 
-    name: Word
+    name: Token
     type: str
     """In lower case."""
     optional: bool
@@ -205,7 +205,7 @@ class RoutineText:
 
     start: int
     end: int = 0
-    name: Word
+    name: Token
     kind: str
     """``proc``, ``func`` or ``trap``."""
     local: bool
@@ -222,7 +222,7 @@ class ModuleText:
 
     start: int
     end: int = 0
-    name: Word
+    name: Token
     declarations: list[DataDeclaration] = field(default_factory=list[DataDeclaration])
     records: dict[str, tuple[tuple[str, str], ...]] = field(default_factory=dict[str, tuple[tuple[str, str], ...]])
     """Types with their components, name and type of each, in lower case."""

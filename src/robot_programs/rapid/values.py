@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, cast
 
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.form import Span
-from robot_programs.core.program import Frame, Unresolved, rotation
+from robot_programs.core.program import Frame, MotionFrames, Unresolved, rotation
 from robot_programs.core.values import FUNCTIONS, Operators, Origin, Settable, Structure, applied, whole
 from robot_programs.rapid.names import Symbol, Value
 from robot_programs.rapid.syntax import AggregateText
@@ -100,23 +100,6 @@ UNIT_TOLERANCE = 0.01
 """A quaternion's length may differ from 1 by this: programmed digits are few."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Frames:
-    """Which tool moves in which frame."""
-
-    tool: Frame
-    part: Frame
-    part_in_hand: bool
-    carrier: str = ""
-    """Mechanical unit that moves the work object; empty where it stands still."""
-
-    def on(self, T_world_base: Float[np.ndarray, "4 4"]) -> "Frames":
-        """Frames with the fixed one counted in the robot's base instead of the world, which RAPID counts in."""
-        if self.part_in_hand:
-            return replace(self, tool=_seen_from(T_world_base, self.tool))
-        return self if self.carrier else replace(self, part=_seen_from(T_world_base, self.part))
-
-
 def numbers(value: Value, count: int, what: str) -> tuple[float, ...]:
     """The numbers of a record of numbers.
 
@@ -193,7 +176,7 @@ def pose(value: Value, what: str, whole: str = "") -> Float[np.ndarray, "4 4"]:
 
 
 @lru_cache(maxsize=256)
-def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames:
+def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> MotionFrames:
     """The frames of a motion, from names and values of its tooldata and wobjdata.
 
     Raises:
@@ -213,7 +196,7 @@ def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames
     # the user frame of a work object that moves is that of the mechanical unit, whatever uframe says (wobjdata)
     user = _frame_pose(uframe, wobj_name) if fixed else np.eye(4)
     inner = _frame_pose(oframe, wobj_name)
-    return Frames(
+    return MotionFrames(
         tool=Frame(name=tool_name, T=_frame_pose(tframe, tool_name)),
         part=Frame(name=wobj_name, T=user @ inner),
         part_in_hand=wobj_held,
@@ -223,10 +206,6 @@ def frames_of(tool: tuple[str, Value], work_object: tuple[str, Value]) -> Frames
 
 def _frame_pose(value: Value, name: str) -> Float[np.ndarray, "4 4"]:
     return pose(value, f"'{name}'", f"the frame of '{name}'")
-
-
-def _seen_from(T_world_base: Float[np.ndarray, "4 4"], frame: Frame) -> Frame:
-    return Frame(name=frame.name, T=se3.inverse(T_world_base) @ frame.T)
 
 
 # Functions of RAPID whose value the text gives: shifts of targets, poses and orientations, and of numbers, angles

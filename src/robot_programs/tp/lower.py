@@ -11,8 +11,22 @@ from math import radians
 from typing import Any, ClassVar, Literal
 
 from robot_programs.core import flow
-from robot_programs.core.form import Arming, Assign, Check, Do, Expression, Hole, Key, Lit, Move, Op, Ref, Routine, Span
-from robot_programs.core.kit import Cursor, Word, named, words
+from robot_programs.core.form import (
+    Arming,
+    Assign,
+    Check,
+    Do,
+    Expression,
+    Hole,
+    Key,
+    Lit,
+    MoveLine,
+    Op,
+    Ref,
+    Routine,
+    Span,
+)
+from robot_programs.core.kit import Cursor, Token, named, words
 from robot_programs.core.program import THROUGH_TARGET, MotionKind, Unresolved, Zone
 from robot_programs.tp.listing import METRES_PER_SECOND, ROBOT_GROUP, Instruction, Listing
 
@@ -160,7 +174,7 @@ class NamedPosition:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionInstruction(Move):
+class MotionInstruction(MoveLine):
     """A motion instruction as it is written; places are characters of the file."""
 
     instruction: Instruction
@@ -471,7 +485,7 @@ class Lowering:
                     self._add(flow.Loop(line=one.check, name="FOR", kind="counted", body=body))
                     assert one.check.counter is not None
                     left = Hole(at=one.check.at, why="what a FOR leaves in its counter is not followed")
-                    self._add(flow.Step(line=Assign(at=one.check.at, target=one.check.counter, value=left)))
+                    self._add(flow.FlowStep(line=Assign(at=one.check.at, target=one.check.counter, value=left)))
 
     def _if(self, found: TpReader, at: Span) -> None:
         found.take()
@@ -596,7 +610,7 @@ class Lowering:
             return () if first in ACTIVE or first == "AR" else (self._changing(at, [first], SET),)
         if not isinstance(target, Ref):
             raise found.problem("it is not known what is set")
-        return (flow.Step(line=Assign(at=at, target=target, value=value)),)
+        return (flow.FlowStep(line=Assign(at=at, target=target, value=value)),)
 
     def _waiting(self, found: TpReader, at: Span) -> flow.Block:
         """Read WAIT, which may go on elsewhere behind TIMEOUT, or another one that has no effect."""
@@ -618,7 +632,7 @@ class Lowering:
             if runs:
                 every = tuple(routine for routines in self.others.programs.values() for routine in routines)
                 return (self._strange(at, name), *self._runs(at, (*every, self._running(name, at))))
-            return (flow.Step(line=Do(at=at, any=True)), self._strange(at, name, moves=moves))
+            return (flow.FlowStep(line=Do(at=at, any=True)), self._strange(at, name, moves=moves))
         while found.sticks and not found.at("(", ",", ")"):
             found.take()
         name = _text_from(found, start).upper()
@@ -628,7 +642,7 @@ class Lowering:
             return (*strange, *self._runs(at, routines or (self._running(name, at),)))
         if not routines:
             return (self._strange(at, name, moves=moves),)
-        return (flow.Step(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
+        return (flow.FlowStep(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
 
     def _macro(self, found: TpReader, at: Span, name: str) -> flow.Block:
         while not found.done and not found.at("("):
@@ -636,7 +650,7 @@ class Lowering:
         routines = self.others.programs.get(name.upper(), ())
         if not routines:
             return (self._strange(at, name.upper()),)
-        return (flow.Step(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
+        return (flow.FlowStep(line=Do(at=at, routines=routines, arguments=self._arguments(found))),)
 
     def _arguments(self, found: TpReader) -> tuple[Expression, ...]:
         given: list[Expression] = []
@@ -653,32 +667,32 @@ class Lowering:
 
     def _runs(self, at: Span, routines: tuple[Routine, ...]) -> flow.Block:
         """Programs that run beside the lines from some on."""
-        return (flow.Step(line=Arming(at=at, routines=routines)), self._changing(at, ACTIVE, SET))
+        return (flow.FlowStep(line=Arming(at=at, routines=routines)), self._changing(at, ACTIVE, SET))
 
     def _running(self, name: str, at: Span) -> Routine:
         """A program that is not in the files, and runs beside the lines from some on."""
         routine = self.others.running.get(name)
         if routine is None:
             changes = tuple(self.data[register] for register in REGISTERS)
-            node = flow.Step(line=Do(at=at, changes=changes, why=_by_strange(name)))
+            node = flow.FlowStep(line=Do(at=at, changes=changes, why=_by_strange(name)))
             routine = self.others.running[name] = Routine(name=name, nodes=(node,))
         return routine
 
-    def _strange(self, at: Span, name: str, *, moves: bool = True) -> flow.Step:
+    def _strange(self, at: Span, name: str, *, moves: bool = True) -> flow.FlowStep:
         """A call of a program that is not in the files; one that does not move the robot leaves the active frames, too."""
         self.others.strange.append((self.file, at[1], name))
         changes = tuple(self.data[shared] for shared in (SHARED if moves else REGISTERS))
-        return flow.Step(line=Do(at=at, changes=changes, why=_by_strange(name), moves=moves))
+        return flow.FlowStep(line=Do(at=at, changes=changes, why=_by_strange(name), moves=moves))
 
-    def _changing(self, at: Span, names: Iterable[str], why: str) -> flow.Step:
+    def _changing(self, at: Span, names: Iterable[str], why: str) -> flow.FlowStep:
         """A step behind which some data are not known, nor where the robot is."""
-        return flow.Step(line=Do(at=at, changes=tuple(self.data[name] for name in names), why=why, moves=True))
+        return flow.FlowStep(line=Do(at=at, changes=tuple(self.data[name] for name in names), why=why, moves=True))
 
     def _broken(self, found: TpReader, at: Span) -> flow.Block:
         """What a line that is not understood may do: set what it names, or, where it names nothing, all but the positions."""
         if any(word.upper in ("CALL", "RUN") for word in found.words):
             others = (name for name in self.data if name != "P")
-            return (flow.Step(line=Do(at=at, any=True)), self._changing(at, others, SET))
+            return (flow.FlowStep(line=Do(at=at, any=True)), self._changing(at, others, SET))
         self.computed = self.computed or any(word.upper in ("JMP", "LBL") for word in found.words)
         refs = named(found.words, self.data)
         names = [ref.name for ref in refs] or [name for name in self.data if name != "P"]
@@ -703,7 +717,7 @@ class Lowering:
         line = MotionInstruction(
             at=at, instruction=instruction, keyword=keyword.upper, keyword_at=keyword.start, **said
         )
-        return (flow.Step(line=line), *behind)
+        return (flow.FlowStep(line=line), *behind)
 
     def _unread_options(self, found: TpReader, at: Span) -> flow.Block:
         """What the rest of a motion that is not understood may do: call, set registers, and lead to any label."""
@@ -756,7 +770,7 @@ class Lowering:
                 elif name not in _WITHOUT_EFFECT or not _VALUE.fullmatch(rest):
                     raise found.problem(f"its option '{word.text[: len(name)]}{rest}' is not provided for")
 
-    def _stuck(self, found: TpReader, word: Word, start: int) -> str:
+    def _stuck(self, found: TpReader, word: Token, start: int) -> str:
         """Text from a character of a word to the next blank outside of brackets."""
         opened = word.text == "["
         while found.sticks or opened:
@@ -776,7 +790,7 @@ class Lowering:
             if not isinstance(target, Ref) or not found.accept("LPOS", "JPOS"):
                 raise found.problem("what a Skip sets is not understood")
             ends = Assign(at=at, target=target, value=Hole(at=at, why=RUN_TIME))
-            return (*self._perhaps(at, "Skip", (jump,)), flow.Step(line=ends))
+            return (*self._perhaps(at, "Skip", (jump,)), flow.FlowStep(line=ends))
         return self._perhaps(at, "Skip", (jump,))
 
     def _perhaps(self, at: Span, name: str, nodes: flow.Block) -> flow.Block:
@@ -784,7 +798,7 @@ class Lowering:
         hole = Hole(at=at, why=RUN_TIME)
         return (_branch(Check(at=at, conditions=(hole,)), name, hole, nodes),)
 
-    def _timed(self, found: TpReader, at: Span, option: Word) -> flow.Block:
+    def _timed(self, found: TpReader, at: Span, option: Token) -> flow.Block:
         """Read what is done at a time or distance from the target: a call, or an output that is set.
 
         Raises:
@@ -823,17 +837,17 @@ class Lowering:
         else:
             found.expression()
         if isinstance(target, Ref):
-            return (flow.Step(line=Assign(at=at, target=target, value=Hole(at=at, why=RUN_TIME))),)
+            return (flow.FlowStep(line=Assign(at=at, target=target, value=Hole(at=at, why=RUN_TIME))),)
         return ()
 
 
-def _text_from(found: TpReader, start: Word) -> str:
+def _text_from(found: TpReader, start: Token) -> str:
     """The words from one to the one read last, without blanks between them."""
     first = next(k for k, word in enumerate(found.words) if word is start)
     return "".join(word.text for word in found.words[first : found.number])
 
 
-def _may_matter(rest: Sequence[Word]) -> bool:
+def _may_matter(rest: Sequence[Token]) -> bool:
     """Whether an instruction that is not known sets something, names positions, calls, or leads to a label."""
     depth = 0
     for number, word in enumerate(rest, start=1):

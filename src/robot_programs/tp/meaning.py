@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.form import Key
-from robot_programs.core.interpreter import FoundMotion, Meaning
+from robot_programs.core.interpreter import FoundMotion, LanguageMeaning
 from robot_programs.core.program import (
+    Cause,
     Frame,
     MissingKind,
     Motion,
     NearPosture,
     Posture,
-    Reason,
     Target,
     Unresolved,
     angled_pose,
@@ -148,7 +148,7 @@ class ProgramFrames:
         given: GivenFrames,
     ) -> Frame:
         if isinstance(own, Lost):
-            raise Unresolved(Reason(f"{kind}[{number}] {own.reason}", of=[own.reason]))
+            raise Unresolved(Cause(f"{kind}[{number}] {own.reason}", of=[own.reason]))
         if own is not None:
             x, y, z, w, p, r = own
             return Frame(name=f"{kind} {number}", T=angled_pose(x, y, z, r, p, w))
@@ -167,7 +167,7 @@ class ProgramFrames:
             f'[[{section}]] name = "{kind} {number}", controller = …, or name one of the cell file where the files have no other '
             f"such number ({option})"
         )
-        raise Unresolved(Reason(text, (f"{kind} {number}", section)))
+        raise Unresolved(Cause(text, (f"{kind} {number}", section)))
 
 
 def frames_by_number(named: Mapping[str, Frame], alone: Frame | None) -> GivenFrames:
@@ -238,7 +238,7 @@ def literals_of(register: Any) -> Literals | None:
 
 
 @dataclass(eq=False, kw_only=True)
-class TpMeaning(Meaning):
+class TpMeaning(LanguageMeaning):
     """Data and motions of the listings of a program."""
 
     PASSES: ClassVar = 20
@@ -473,7 +473,7 @@ class TpMeaning(Meaning):
             except Unresolved as reason:
                 unknown.append(str(reason))
         if unknown:
-            raise Unresolved(Reason("; ".join(unknown), of=unknown))
+            raise Unresolved(Cause("; ".join(unknown), of=unknown))
         frame, tool = found
         return frame, tool
 

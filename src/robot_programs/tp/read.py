@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from robot_programs.core.flow import Findings
-from robot_programs.core.form import Move
+from robot_programs.core.form import MoveLine
 from robot_programs.core.interpreter import FoundMotion, interpreted
-from robot_programs.core.program import Diagnostic, Frame, Motion, Reason, Visit
+from robot_programs.core.program import Cause, Diagnostic, Frame, Motion, TargetVisit
 from robot_programs.core.robot import NO_ROBOT, Robot
 from robot_programs.core.source import Source
 from robot_programs.tp.listing import Listing, is_variables, read_variables
@@ -114,7 +114,7 @@ Placed = tuple[tuple[int, int], Diagnostic]
 """A diagnostic with its file and its place there."""
 
 
-def _left(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> Iterator[Placed]:
+def _left(findings: Findings[MoveLine, FoundMotion], sources: Sequence[Source]) -> Iterator[Placed]:
     """Motions that are not understood, and why."""
     for line, (_, reason) in findings.reasons.items():
         assert isinstance(line, MotionInstruction)
@@ -122,20 +122,20 @@ def _left(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> I
         yield line.at[:2], Diagnostic(place=place, text=reason, unread=True)
 
 
-def _unresolved(findings: Findings[Move, FoundMotion], sources: Sequence[Source]) -> Iterator[Visit]:
+def _unresolved(findings: Findings[MoveLine, FoundMotion], sources: Sequence[Source]) -> Iterator[TargetVisit]:
     """Positions to which they go."""
     for line in findings.reasons:
         assert isinstance(line, MotionInstruction)
         place = sources[line.at[0]].place(line.keyword_at)
         for operand in line.operands:
             if operand.number is not None:
-                yield Visit(number=None, target=(line.at[0], operand.name), place=place)
+                yield TargetVisit(number=None, target=(line.at[0], operand.name), place=place)
 
 
 def _strange(calls: Sequence[tuple[int, int, str]], sources: Sequence[Source]) -> Iterator[Placed]:
     """Calls of programs that are not in the files."""
     for file, start, name in calls:
-        text = Reason(
+        text = Cause(
             f"{name} is not in the files given; behind it the active frames and all position registers are not known, and "
             "the frames are taken to keep their values; pass its .ls",
             (name, "other"),
@@ -145,7 +145,7 @@ def _strange(calls: Sequence[tuple[int, int, str]], sources: Sequence[Source]) -
 
 def _remarks(sites: Sequence[TpSite], sources: Sequence[Source]) -> Iterator[Placed]:
     """What is to be known of motions that are understood."""
-    said = set[Move]()
+    said = set[MoveLine]()
     for site in sites:
         line, at = site.motion, site.motion.at[:2]
         place = sources[site.file].place(line.keyword_at)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 
 from robot_programs.core.form import Span, Text
-from robot_programs.core.program import Composition, Paths, Visit, Waypoint
+from robot_programs.core.program import Composition, Paths, TargetVisit, Waypoint
 from robot_programs.core.robot import Robot
 from robot_programs.core.sharing import Pose, SharingProgram, Spelling, Use, points_of
 from robot_programs.core.source import Source, TextEdit
@@ -100,7 +100,7 @@ class TpProgram(SharingProgram):
     LANGUAGE: ClassVar = "TP"
 
     sites: tuple[TpSite, ...] = ()
-    unresolved: tuple[Visit, ...] = ()
+    unresolved: tuple[TargetVisit, ...] = ()
     """Positions of motions that were not resolved."""
 
     def spelling(self, robot: Robot, waypoints: Paths) -> "TpSpelling":
@@ -139,11 +139,11 @@ class TpProgram(SharingProgram):
             raise InputError(f"{self.motions[number].place}: {value:g} {unit} is not whole, as TP states it")
         return site.file, TextEdit(start=start, end=end, text=f"{value:.10g}")
 
-    def visits(self) -> Iterable[Visit]:
+    def visits(self) -> Iterable[TargetVisit]:
         """Motions of one listing that name one position, whatever shifts it; see `Program.visits`."""
         for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for written in site.written:
-                yield Visit(number=number, target=(site.file, written.operand.name), place=move.place)
+                yield TargetVisit(number=number, target=(site.file, written.operand.name), place=move.place)
         yield from self.unresolved
 
 

@@ -22,7 +22,7 @@ from robot_programs.core.form import (
     Hole,
     Key,
     Lit,
-    Move,
+    MoveLine,
     Op,
     Rec,
     Ref,
@@ -30,7 +30,7 @@ from robot_programs.core.form import (
     Span,
     inside,
 )
-from robot_programs.core.kit import Cursor, Word, parted
+from robot_programs.core.kit import Cursor, Token, parted
 from robot_programs.core.program import Frame, MotionKind, Unresolved
 from robot_programs.core.values import Origin, Structure
 from robot_programs.urscript.syntax import (
@@ -109,7 +109,7 @@ class Function(Routine):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionCall(Move):
+class MotionCall(MoveLine):
     """A motion as it is called."""
 
     name: str
@@ -137,7 +137,7 @@ class _UrscriptReader(Cursor):
     BINDING: ClassVar = OPERATORS
     PREFIXES: ClassVar = PREFIXES
 
-    def __init__(self, found: Sequence[Word], scope: "FunctionScope"):
+    def __init__(self, found: Sequence[Token], scope: "FunctionScope"):
         super().__init__(found, scope.unit.file)
         self.scope = scope
         self.bracketed = list[Expression]()
@@ -378,7 +378,7 @@ class FunctionScope:
     def hold(self, ref: Ref) -> Ref:
         """What a variable holds before a function is called that may set it."""
         held = Ref(at=ref.at, name=ref.name, key=("held", *ref.at))
-        self.steps.append(flow.Step(line=Assign(at=ref.at, target=held, value=ref)))
+        self.steps.append(flow.FlowStep(line=Assign(at=ref.at, target=held, value=ref)))
         return held
 
     # Calls.
@@ -427,7 +427,7 @@ class FunctionScope:
         arguments = [given.get(one) or self._default(routines[0], one, words, at) for one, words in parameters]
         return Ask(at=at, name=name, arguments=tuple(arguments), routines=tuple(routines))
 
-    def _default(self, routine: Function, name: str, words: Sequence[Word], at: Span) -> Expression:
+    def _default(self, routine: Function, name: str, words: Sequence[Token], at: Span) -> Expression:
         if not words:
             return Hole(at=at, why=f"{routine.name} is not given {name}")
         try:
@@ -465,8 +465,8 @@ class FunctionScope:
         operands = (pose, given.get("tcp_name", stated))
         return Assign(at=at, target=TCP, value=Op(at=at, sign="set_tcp", operands=operands))
 
-    def _add(self, line: Assign | Do | Move) -> None:
-        self.steps.append(flow.Step(line=line))
+    def _add(self, line: Assign | Do | MoveLine) -> None:
+        self.steps.append(flow.FlowStep(line=line))
 
     # Statements.
 
@@ -474,12 +474,12 @@ class FunctionScope:
         """What holds before the statements outside of all functions."""
         at = (self.unit.file, 0, 0)
         value = Hole(at=at, why=NO_TCP) if tool is None else Lit(at=at, value=tool)
-        yield flow.Step(line=Assign(at=at, target=TCP, value=value))
+        yield flow.FlowStep(line=Assign(at=at, target=TCP, value=value))
         for mode in self.others.modes:
-            yield flow.Step(line=Assign(at=at, target=mode, value=Lit(at=at, value=False)))
+            yield flow.FlowStep(line=Assign(at=at, target=mode, value=Lit(at=at, value=False)))
         programs = tuple(one for one in self.others.routines if one.unit.kind == "sec")
         if programs:
-            yield flow.Step(line=Arming(at=at, routines=programs))
+            yield flow.FlowStep(line=Arming(at=at, routines=programs))
 
     def block(self, statements: Iterable[ScriptStatement]) -> tuple[flow.Node, ...]:
         """Nodes of some statements."""
@@ -501,7 +501,7 @@ class FunctionScope:
             self.steps, nodes = [], self._broken(found, at)
         return [*self.steps, *nodes]
 
-    def _broken(self, found: Sequence[Word], at: Span) -> list[flow.Node]:
+    def _broken(self, found: Sequence[Token], at: Span) -> list[flow.Node]:
         """What is not understood: it may be motions, also in lines behind a bracket that is open, and may call what it names."""
         called = [word.text for word, behind in pairwise(found) if behind.text == "("]
         routines = tuple(one for name in dict.fromkeys(called) for one in self.others.by_name.get(name, ()))
@@ -509,7 +509,10 @@ class FunctionScope:
             MotionCall(at=(self.unit.file, word.start, at[2]), name=word.text, scope=self, why="its statement is not understood")
             for word in found if word.kind == "name" and (word.text in MOTIONS or word.text in STEERED)
         )  # fmt: skip
-        return [*(flow.Step(line=one) for one in motions), flow.Unknown(line=Do(at=at, routines=routines, moves=True))]
+        return [
+            *(flow.FlowStep(line=one) for one in motions),
+            flow.Unknown(line=Do(at=at, routines=routines, moves=True)),
+        ]
 
     def _head(self, statement: ScriptStatement) -> tuple[Expression, list[flow.Node]]:
         """The condition of a header, and what functions in it do.
@@ -588,7 +591,7 @@ class FunctionScope:
         )
         return [*before, loop]
 
-    def _nodes(self, found: Sequence[Word], at: Span) -> Iterator[flow.Node]:
+    def _nodes(self, found: Sequence[Token], at: Span) -> Iterator[flow.Node]:
         match [word.text for word in found]:
             case ["break"]:
                 yield flow.Leave(line=None, way="exit")
@@ -607,7 +610,7 @@ class FunctionScope:
             case _:
                 yield from self._other(found, at)
 
-    def _other(self, found: Sequence[Word], at: Span) -> Iterator[flow.Node]:
+    def _other(self, found: Sequence[Token], at: Span) -> Iterator[flow.Node]:
         """An assignment, a declaration, the start of a thread, or what is called for what it does."""
         target, *value = parted(found, "=")
         scope = found[0].text in ("global", "local")
@@ -619,20 +622,20 @@ class FunctionScope:
             if not isinstance(call, Ask | Op | Hole):
                 raise Unresolved("what is run is not called")
             if isinstance(call, Ask):
-                yield flow.Step(line=Arming(at=at, routines=call.routines))
+                yield flow.FlowStep(line=Arming(at=at, routines=call.routines))
         elif value:
             ref = _UrscriptReader(target[scope:], self).all()
             if not isinstance(ref, Ref):
                 raise Unresolved("what is set is no variable")
             expression = _UrscriptReader(found[len(target) + 1 :], self).all()
-            yield flow.Step(line=Assign(at=at, target=ref, value=expression))
+            yield flow.FlowStep(line=Assign(at=at, target=ref, value=expression))
         elif scope:
             if not isinstance(_UrscriptReader(found[1:], self).all(), Ref):
                 raise Unresolved("what is declared is no variable")
         else:
             yield from self._evaluated(found, at)
 
-    def _evaluated(self, found: Sequence[Word], at: Span) -> Iterator[flow.Node]:
+    def _evaluated(self, found: Sequence[Token], at: Span) -> Iterator[flow.Node]:
         reader = _UrscriptReader(found, self)
         first = reader.next.text
         if first in MOTIONS and first not in self.others.by_name and reader.behind_next.text == "(":
@@ -640,19 +643,19 @@ class FunctionScope:
             items, keys = reader.items(")")
             if not reader.done:
                 raise reader.problem("a motion is part of an expression")
-            yield flow.Step(line=self._motion(name, items, keys, at))
+            yield flow.FlowStep(line=self._motion(name, items, keys, at))
             return
         match reader.all():
             case Ask() as call:
-                yield flow.Step(line=Do(at=call.at, routines=call.routines, arguments=call.arguments))
+                yield flow.FlowStep(line=Do(at=call.at, routines=call.routines, arguments=call.arguments))
             case Lit() | Hole():
                 pass
             case expression if any(isinstance(one, Ref | Ask) for one in inside(expression)):
-                yield flow.Step(line=Check(at=at, conditions=(expression,)))
+                yield flow.FlowStep(line=Check(at=at, conditions=(expression,)))
             case _:
                 pass
 
-    def _motion(self, name: str, items: Sequence[Expression], keys: Sequence[str], at: Span) -> Move | Do:
+    def _motion(self, name: str, items: Sequence[Expression], keys: Sequence[str], at: Span) -> MoveLine | Do:
         _, names = MOTIONS[name]
         if any(isinstance(one, Op) and one.sign == CORRECTED for item in items for one in inside(item)):
             return Do(at=at, arguments=tuple(items), moves=True)

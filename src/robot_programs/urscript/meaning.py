@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robot_programs.core.form import Expression, Key, Op, Ref, Text
-from robot_programs.core.interpreter import FoundMotion, Meaning
+from robot_programs.core.interpreter import FoundMotion, LanguageMeaning
 from robot_programs.core.program import Frame, Motion, MotionKind, NearPosture, Target, Unresolved, Waypoint, Zone
 from robot_programs.core.robot import JOINTS, Robot
 from robot_programs.core.source import Source
@@ -124,7 +124,7 @@ def _is(value: Structure, frame: Six) -> bool:
 
 
 @dataclass(eq=False, kw_only=True)
-class UrscriptMeaning(Meaning):
+class UrscriptMeaning(LanguageMeaning):
     """Data and motions of a program."""
 
     PASSES: ClassVar = 30

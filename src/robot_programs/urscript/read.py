@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from robot_programs.core.interpreter import Interpreter, interpreted, known_motions
-from robot_programs.core.program import Diagnostic, Frame, Motion, Reason
+from robot_programs.core.program import Cause, Diagnostic, Frame, Motion
 from robot_programs.core.robot import Robot
 from robot_programs.core.source import Source, uncollected
 from robot_programs.urscript.lower import MOTIONS, LoweredUrscript, MotionCall, lowered
@@ -88,7 +88,7 @@ def _strange(program: LoweredUrscript) -> Iterator[Said]:
     """Functions that no file has."""
     for name, places in program.strange.items():
         times = f" ({len(places)} times)" if len(places) > 1 else ""
-        text = Reason(
+        text = Cause(
             f"{name} is not in the files given{times}; it is taken to leave TCP and variables as they are; where the robot is "
             "after it is not known",
             (name, "other"),

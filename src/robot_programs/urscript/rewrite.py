@@ -20,7 +20,7 @@ from robot_programs.core.program import (
     NearPosture,
     Paths,
     Target,
-    Visit,
+    TargetVisit,
     Waypoint,
     Wrapped,
     Wrapping,
@@ -157,7 +157,7 @@ class UrscriptProgram(SharingProgram):
         first, behind, name = place[0], place[3], head.words[1]
         return Repeated(source=unit.source, at=behind, before="", span=(first, behind), name=(name.start, name.end))
 
-    def visits(self) -> Iterable[Visit]:
+    def visits(self) -> Iterable[TargetVisit]:
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
         holders = self.holders
         named = {key for site in self.sites for point in site.points for key in made_of(point.slot)}
@@ -167,16 +167,16 @@ class UrscriptProgram(SharingProgram):
                 if point.literal is not None:
                     stated = point.literal.at[:2]
                     keys = set(holders.items.get(stated, ()))
-                    yield Visit(number=number, target=stated, place=move.place)
+                    yield TargetVisit(number=number, target=stated, place=move.place)
                 # a point, too, to which this one is beside
                 if point.feature is not None and point.feature.key in named:
                     keys.add(point.feature.key)
                 for target in holders.numbers_of(keys):
-                    yield Visit(number=number, target=target, place=move.place)
+                    yield TargetVisit(number=number, target=target, place=move.place)
         for line in self.failing:
             keys = {key for argument in line.points for key in made_of(slot_of(argument)[0])}
             for target in holders.numbers_of(keys):
-                yield Visit(number=None, target=target, place=self.sources[line.at[0]].place(line.at[1]))
+                yield TargetVisit(number=None, target=target, place=self.sources[line.at[0]].place(line.at[1]))
 
 
 _WORD = re.compile(r"[A-Za-z_]\w*")

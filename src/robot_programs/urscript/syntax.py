@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from robot_programs.core.kit import Word, opens, parted, words
+from robot_programs.core.kit import Token, opens, parted, words
 from robot_programs.core.source import Source
 from taskcal_groundwork.errors import FileError, shown
 
@@ -55,9 +55,9 @@ KEYWORDS = {*_BLOCKS, "return", "global", "local", "run", "pass", *OPERATORS, *P
 """With which a statement begins, and operators: no names."""
 
 
-def _statements(text: str) -> Iterator[list[Word]]:
+def _statements(text: str) -> Iterator[list[Token]]:
     """Words of each statement; a header ends in its colon, and what stands in brackets goes on in the next line."""
-    line: list[Word] = []
+    line: list[Token] = []
     depth = 0
     for word in words(WORD, text, 0):
         kind, own, _ = word
@@ -88,11 +88,11 @@ def plain_name(name: str) -> str:
 class ScriptStatement:
     """A statement, or a block: a header, what stands in it, and its end."""
 
-    words: Sequence[Word]
+    words: Sequence[Token]
     body: "list[ScriptStatement]" = field(default_factory=list["ScriptStatement"])
     others: "list[ScriptStatement]" = field(default_factory=list["ScriptStatement"])
     """Further branches of an ``if``."""
-    end: Word | None = None
+    end: Token | None = None
     """Of a block."""
     continued: bool = False
     """It is a loop that has a ``continue``."""
@@ -125,7 +125,7 @@ class ScriptUnit:
     parent: "ScriptUnit | None" = None
     """In which it is defined."""
     head: ScriptStatement
-    parameters: tuple[tuple[str, Sequence[Word]], ...] = ()
+    parameters: tuple[tuple[str, Sequence[Token]], ...] = ()
     """Names with the words of their default values, if they have any."""
     own: set[str] = field(default_factory=set[str])
     """Parameters, and variables that it declares ``local``."""
@@ -149,7 +149,7 @@ def parse(source: Source, number: int) -> list[ScriptUnit]:
     """
     blocks = _StatementReader(source, number)
     outside = ScriptUnit(
-        file=number, source=source, kind="", name=source.path.stem, head=ScriptStatement(words=[Word("", "", 0)])
+        file=number, source=source, kind="", name=source.path.stem, head=ScriptStatement(words=[Token("", "", 0)])
     )
     blocks.units.append(outside)
     line = blocks.block(outside, outside.head.body, ())
@@ -223,7 +223,7 @@ class _StatementReader:
         """Read a function, a thread or a secondary program."""
         kind, *rest = line.words
         match rest:
-            case [Word(kind="name") as name, Word(text="("), *given, Word(text=")"), Word(text=":")]:
+            case [Token(kind="name") as name, Token(text="("), *given, Token(text=")"), Token(text=":")]:
                 parameters = tuple(self.parameter(line, part) for part in parted(given, ",") if given)
             case _:
                 raise not_understood(self.source, line)
@@ -235,11 +235,11 @@ class _StatementReader:
         self.units.append(unit)
         self.branches(unit, line, (*around, line))
 
-    def parameter(self, line: ScriptStatement, found: Sequence[Word]) -> tuple[str, Sequence[Word]]:
+    def parameter(self, line: ScriptStatement, found: Sequence[Token]) -> tuple[str, Sequence[Token]]:
         match found:
-            case [Word(kind="name") as name]:
+            case [Token(kind="name") as name]:
                 return name.text, ()
-            case [Word(kind="name") as name, Word(text="="), _, *_]:
+            case [Token(kind="name") as name, Token(text="="), _, *_]:
                 return name.text, found[2:]
             case _:
                 raise not_understood(self.source, line)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from robot_programs.core.flow import Branches, Loop
 from robot_programs.core.form import Lit
-from robot_programs.core.kit import Word
+from robot_programs.core.kit import Token
 from robot_programs.core.source import Source
 from robot_programs.rapid import lower, syntax
 from robot_programs.rapid import parse as parser
@@ -243,7 +243,7 @@ pieces = st.sampled_from(
 def test_words_and_blanks_make_up_the_text(text):
     """Words stand where they say and only blanks and comments lie between."""
     position = 0
-    for token in (*tokenize(text), Word("end", "", len(text))):
+    for token in (*tokenize(text), Token("end", "", len(text))):
         between = text[position : token.start]
         if not between.lstrip("\ufeff \t\r\n").startswith("%%%"):
             left = "".join(line.split("!")[0] for line in between.splitlines())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from robot_programs.core.flow import Step
+from robot_programs.core.flow import FlowStep
 from robot_programs.core.form import Lit, Ref
 from robot_programs.tp.listing import Listing
 from robot_programs.tp.lower import MotionInstruction, lowered
@@ -20,7 +20,9 @@ def parse_motion(text: str) -> MotionInstruction | None:
     """The motion that an instruction is; None where it is not one."""
     routines, _ = lowered({0: Listing(f"{HEAD}{text}\n/POS\n/END\n")})
     lines = [
-        node.line for node in routines[0].nodes if isinstance(node, Step) and isinstance(node.line, MotionInstruction)
+        node.line
+        for node in routines[0].nodes
+        if isinstance(node, FlowStep) and isinstance(node.line, MotionInstruction)
     ]
     return lines[0] if lines else None
 
