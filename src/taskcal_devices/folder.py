@@ -11,7 +11,7 @@ import numpy as np
 
 from taskcal.errors import FileError
 from taskcal.live.devices import DeviceError, Instrument, Shot
-from taskcal.live.lines import Columns, KindColumns, Lines, columns_of
+from taskcal.live.lines import KindColumns, Lines, PointColumns, columns_of
 from taskcal.observations.camera import determines_pose
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal.observations.instrument import LookedFor
@@ -60,7 +60,7 @@ class Folder(Instrument):
     reached: ClassVar[str] = "PATH"
     streams: ClassVar[bool] = False
 
-    def __init__(self, path: Path, columns: Columns | KindColumns | None):
+    def __init__(self, path: Path, columns: PointColumns | KindColumns | None):
         self._path, self._columns = path, columns
         self._files: dict[Path, _Followed] = {}
         self._images: _Images | None = None

@@ -8,7 +8,7 @@ import numpy as np
 
 from taskcal.errors import shown
 from taskcal.live.devices import DeviceError, Instrument, Shot
-from taskcal.live.lines import Columns, Lines, columns_of, shot_at
+from taskcal.live.lines import Lines, PointColumns, columns_of, shot_at
 from taskcal.observations.instrument import Instrument as CellInstrument
 from taskcal_devices.network import Address, Feed, hang_up, received, received_lines
 
@@ -75,7 +75,7 @@ class T2sa(Instrument):
     reached = "HOST:PORT/COLLECTION/GROUP/TARGET"
     on_request = True
 
-    def __init__(self, address: Address, columns: Columns, connection: socket):
+    def __init__(self, address: Address, columns: PointColumns, connection: socket):
         self._address, self._columns, self._connection = address, columns, connection
         self._asked_s: float | None = None
         """When the measurement was asked for of which the reply has not come."""
@@ -92,7 +92,7 @@ class T2sa(Instrument):
         where = Address.parse(address, cls)
         if len(where.path) != 3:
             raise DeviceError(f"{where.called} needs the name of the point to measure: {cls.reached}")
-        if not columns or len((stated := Columns.of(columns)).names) != 3:
+        if not columns or len((stated := PointColumns.of(columns)).names) != 3:
             raise DeviceError(f"{where.called} does not send the unit of its job; state it: --columns x_mm,y_mm,z_mm")
         connection = where.connect(timeout_s)
         connection.settimeout(None)

@@ -30,7 +30,7 @@ def command(
 
     from taskcal_studio.project import FolderLock, Project, begin_example
     from taskcal_studio.runs import Studio
-    from taskcal_studio.server import Address, listen, serve
+    from taskcal_studio.server import Endpoint, listen, serve
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -39,7 +39,7 @@ def command(
     lock = FolderLock(folder)
     try:
         project = begin_example(folder) if example else Project(folder)
-        address = Address(host=host, port=port, token=token_urlsafe(24))  # other users of this machine reach it, too
+        address = Endpoint(host=host, port=port, token=token_urlsafe(24))  # other users of this machine reach it, too
         bound = listen(address)
         shown = f"[{host}]" if ":" in host and not host.startswith("[") else host
         page = f"http://{shown}:{bound.getsockname()[1]}/"

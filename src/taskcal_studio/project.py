@@ -74,7 +74,7 @@ def free_name(wanted: str, taken: Collection[str]) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class Folders:
     """Folders of a project; each is made when its first file is written."""
 
     choices: str = "project.toml"
@@ -101,7 +101,7 @@ class Layout:
     reports: str = "reports"
 
 
-LAYOUT = Layout()
+LAYOUT = Folders()
 
 CAMPAIGN_ENDINGS = table_suffixes()
 URDF_ENDINGS = (".urdf", ".xacro")

@@ -509,7 +509,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Address:
+class Endpoint:
     """Address of the studio."""
 
     host: str = "127.0.0.1"
@@ -530,7 +530,7 @@ def is_loopback(host: str) -> bool:
     return host == "localhost"
 
 
-def listen(address: Address) -> socket.socket:
+def listen(address: Endpoint) -> socket.socket:
     """The socket of an address, which takes connections before they are served.
 
     Raises:
@@ -551,7 +551,7 @@ def listen(address: Address) -> socket.socket:
     return bound
 
 
-def application(studio: Studio, address: Address, port: int) -> Gate:
+def application(studio: Studio, address: Endpoint, port: int) -> Gate:
     """The whole server, as an ASGI application.
 
     Args:
@@ -586,7 +586,7 @@ def application(studio: Studio, address: Address, port: int) -> Gate:
     return Gate(app=outer, hosts=frozenset(hosts) if is_loopback(address.host) else None, token=address.token)
 
 
-def serve(studio: Studio, address: Address, bound: socket.socket) -> None:
+def serve(studio: Studio, address: Endpoint, bound: socket.socket) -> None:
     """Serve until the process is told to end."""
     show_log()
     port = bound.getsockname()[1]

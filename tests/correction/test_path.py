@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_simpson
 
 from robot_programs.core.program import Frame, Zone
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.path import Corners, Placed, Placement, RoundedPath, Segments, find_corners
+from taskcal.correction.path import Placed, Placement, RoundedCorners, RoundedPath, Segments, find_corners
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.robots import generators
@@ -221,7 +221,7 @@ def random_pose(rng, turn=0.5):
 def path_of(poses, exit_, entry, vias=(NO_VIA, NO_VIA)):
     """Two segments through three poses, with the shares of each that a corner between them takes."""
     segments = Segments(start=np.array(poses[:2]), end=np.array(poses[1:]), via=np.array(vias))
-    none = Corners.none(2)
+    none = RoundedCorners.none(2)
     corners = replace(
         none,
         after=np.array([1, -1]),

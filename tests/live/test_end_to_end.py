@@ -14,7 +14,7 @@ import taskcal as tc
 from taskcal.geometry import se3
 from taskcal.live.devices import Controller, DeviceError, Instrument, controller_of, instrument_of
 from taskcal.live.journal import Journal, Row
-from taskcal.live.runner import Answer, Event, Question, Runner
+from taskcal.live.runner import Answer, Question, RunEvent, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import Rules, Taker
 from taskcal.live.virtual import VirtualCell
@@ -132,7 +132,7 @@ def session(
     journal, resume = Journal(path, ROBOT), path.exists()
     (journal.resume if resume else journal.begin)(AIM.settings if resume else {**AIM.settings, "begun": time.time()})
 
-    def person(event: Event) -> None:
+    def person(event: RunEvent) -> None:
         if event.kind == "pose" and event.step is not None:
             cell.go(event.step.q)
             happens.pop(event.step.number, lambda: None)()

@@ -14,7 +14,7 @@ from taskcal.live.devices import Instrument, Shot
 from taskcal.live.hand import Hand
 from taskcal.live.journal import Journal, Row
 from taskcal.live.program import NAMED_ROWS, Program, ProgramRunner
-from taskcal.live.runner import Answer, Event, Outcome, Question
+from taskcal.live.runner import Answer, Outcome, Question, RunEvent
 from taskcal.live.steering import Steering
 from taskcal.live.stillness import Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -64,7 +64,7 @@ class Session:
                 program=PROGRAM,
             ).run()
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, event: RunEvent) -> None:
         if event.kind == "note":
             self.notes.append(event.text)
         if event.left is not None:

@@ -13,7 +13,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box
 from taskcal.live.devices import Controller, DeviceError, JointReading, Shot
 from taskcal.live.journal import Journal
-from taskcal.live.runner import FIRST_SPEED_SHARE, Answer, Drive, Event, Outcome, Question, Runner
+from taskcal.live.runner import FIRST_SPEED_SHARE, Answer, Mover, Outcome, Question, RunEvent, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import MissedError, Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -58,7 +58,7 @@ class Session:
         with closing(self.journal):
             return self.runner.run()
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, event: RunEvent) -> None:
         if event.kind == "note":
             self.notes.append(event.text)
         if event.kind == "pose" and event.step is not None:
@@ -221,7 +221,7 @@ def test_driving_begins_slowly_and_keeps_clear() -> None:
     q = tc.reach_task(model, tc.default_task(model), 1, seed=0).q[0]
     away = q + np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0])
     controller = _Counting()
-    drive = Drive(controller=controller, aim=replace(AIM, model=model), speed=0.3)
+    drive = Mover(controller=controller, aim=replace(AIM, model=model), speed=0.3)
     drive.go(q, away)
     drive.go(away, q)
     assert [speed for _, speed in controller.moves] == pytest.approx([0.3 * FIRST_SPEED_SHARE, 0.3])

@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError
 from taskcal.live.hand import Hand, HandReadings
 from taskcal.live.journal import Journal, Row
-from taskcal.live.runner import Answer, Event, Outcome, Question, Runner
+from taskcal.live.runner import Answer, Outcome, Question, RunEvent, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import SEATED_WITHIN, MissedError, Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -83,7 +83,7 @@ class Session:
         with closing(self.journal):
             return self.runner.run()
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, event: RunEvent) -> None:
         pass
 
     def _ask(self, question: Question) -> Answer:

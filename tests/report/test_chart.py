@@ -17,8 +17,8 @@ from taskcal.report.chart import (
     SIZE,
     WIDE,
     Axis,
-    Cells,
     Figure,
+    Heatmap,
     Level,
     Panel,
     Scale,
@@ -70,7 +70,7 @@ def figures(draw) -> Figure:
     )
     steps = Panel(x=axis(), y=Axis(zero=True), series=(Series(kind="steps", x=edges, y=heights),))
     z = np.array(draw(st.lists(NUMBERS, min_size=6, max_size=6))).reshape(2, 3)
-    cells = Panel(x=axis(), y=axis(), cells=Cells(x=np.arange(3.0), y=np.arange(2.0), z=z), equal=draw(st.booleans()))
+    cells = Panel(x=axis(), y=axis(), cells=Heatmap(x=np.arange(3.0), y=np.arange(2.0), z=z), equal=draw(st.booleans()))
     return Figure(
         panels=(plane, named, steps, cells), columns=draw(st.integers(1, 3)), shared=draw(st.sampled_from(["", "x"]))
     )

@@ -12,7 +12,7 @@ from taskcal.errors import TaskcalError, UnknownName
 from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError, controllers, instrument_of, instruments
 from taskcal.live.hand import Hand
-from taskcal.live.lines import Columns, Lines, columns_of
+from taskcal.live.lines import Lines, PointColumns, columns_of
 from taskcal.live.stillness import Rules, Taker
 from taskcal.reading.pictures import Corners
 from taskcal.robot.catalogue import load_robot
@@ -33,18 +33,18 @@ HEADERS = [
 @pytest.mark.parametrize(("header", "line"), HEADERS)
 def test_a_format_is_stated_once(header: str, line: str) -> None:
     """Separators, units, order and decimal commas that people have give the same point."""
-    np.testing.assert_allclose(Columns.of(header).point(line), [0.0015, -0.0025, 0.0035])
+    np.testing.assert_allclose(PointColumns.of(header).point(line), [0.0015, -0.0025, 0.0035])
 
 
 def test_what_is_no_point_is_refused_or_lost() -> None:
     """No unit, a field too many and a word are refused; empty cells and zeros are a lost beam."""
     for wrong in ("x y z", "x_mm y_mm", "id"):
         with pytest.raises(TaskcalError, match="x_mm y_mm z_mm"):
-            Columns.of(wrong)
+            PointColumns.of(wrong)
     for other in ("wire", "socket"):
         with pytest.raises(UnknownName, match=f"--observe {other}"):
             instrument_of(other)
-    columns = Columns.of("id x_mm y_mm z_mm")
+    columns = PointColumns.of("id x_mm y_mm z_mm")
     for wrong in ("1 2 3", "p 1 two 3"):
         with pytest.raises(TaskcalError):
             columns.point(wrong)

@@ -31,7 +31,7 @@ GROWTH_MB = 0.3
 def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A studio in this very process, so that its objects can be counted; it goes with the process."""
     monkeypatch.setattr(server, "RECONNECT_S", AWAY_S)
-    studio, place = Studio(begin_example(tmp_path)), server.Address()
+    studio, place = Studio(begin_example(tmp_path)), server.Endpoint()
     bound = server.listen(place)
     threading.Thread(target=server.serve, args=(studio, place, bound), daemon=True).start()
     return f"http://127.0.0.1:{bound.getsockname()[1]}/"

@@ -17,7 +17,7 @@ from nicegui.testing.user import User
 
 from taskcal_studio.project import Project
 from taskcal_studio.runs import Status, Studio
-from taskcal_studio.server import Address, application
+from taskcal_studio.server import Endpoint, application
 
 PORT = 8080
 PATIENCE_S = 60.0
@@ -129,7 +129,7 @@ async def visiting(folder: Path, **headers: str) -> AsyncIterator[Visitor]:
     kept = (ui.navigate, ui.notify, ui.download)
     try:
         with nicegui_reset_globals(), patch.dict("os.environ", {"NICEGUI_USER_SIMULATION": "true"}):
-            gate = application(studio, Address(), PORT)
+            gate = application(studio, Endpoint(), PORT)
             transport = httpx.ASGITransport(gate)
             async with (
                 gate.app.router.lifespan_context(gate.app),

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import GradedPosture, Language, Motion, Posture, Program, Target
 from taskcal.correction.cell import Cell
-from taskcal.correction.path import Corners, Placed, RoundedPath, Segments, find_corners
+from taskcal.correction.path import Placed, RoundedCorners, RoundedPath, Segments, find_corners
 from taskcal.errors import FileError, ReachError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ANY_MISS, conditioning, find_postures, freedom_of, solve_near
@@ -256,7 +256,7 @@ class ControllerTrajectory:
     """Where it ends: in its target, or in the middle of the corner in which it is left for the next one."""
     segments: Segments
     """Tool in part's frame along each motion, to its target; of use for lines and arcs."""
-    corners: Corners
+    corners: RoundedCorners
     """Between motions that do not stop."""
     rejected: dict[int, str]
     """Motions that cannot be executed, and why."""
@@ -473,7 +473,7 @@ class _Simulation:
         sampled_move: Int[np.ndarray, " n"],
         sampled_share: Float[np.ndarray, " n"],
         sampled_q: Float[np.ndarray, "n joints"],
-        corners: Corners,
+        corners: RoundedCorners,
     ) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"], Float[np.ndarray, "k joints"], Bool[np.ndarray, " k"]]:
         """Samples with further ones inside corners, at about the joints there, and which these are."""
         sampled = np.unique(sampled_move)

@@ -245,7 +245,7 @@ MIN_LENGTH_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Corners:
+class RoundedCorners:
     """Rounded corners of a program."""
 
     before: Int[np.ndarray, " m"]
@@ -262,12 +262,12 @@ class Corners:
     """The same where one is left."""
 
     @classmethod
-    def none(cls, m: int) -> "Corners":
+    def none(cls, m: int) -> "RoundedCorners":
         """Corners of a program that meets all its targets."""
         nobody, nothing, nowhere = np.full(m, -1), np.zeros((m, 2)), np.broadcast_to(np.nan, (m, 4, 4))
         return cls(before=nobody, after=nobody, entry=nothing, exit=nothing, joined=nowhere, left=nowhere)
 
-    def only(self, kept: Bool[np.ndarray, " m"]) -> "Corners":
+    def only(self, kept: Bool[np.ndarray, " m"]) -> "RoundedCorners":
         """Corners at the ends of some motions."""
         after = np.where(kept, self.after, -1)
         before = np.where((self.before >= 0) & kept[np.maximum(self.before, 0)], self.before, -1)
@@ -282,7 +282,7 @@ class Corners:
 
 def find_corners(
     motions: Sequence[Motion], segments: Segments, known: Bool[np.ndarray, " m"], driven: PosesInMotions
-) -> Corners:
+) -> RoundedCorners:
     """Corners that the tool rounds in a program.
 
     Args:
@@ -291,7 +291,7 @@ def find_corners(
         known: motions whose start is known, and which can be executed.
         driven: tool in part along motions of the joints.
     """
-    corners = Corners.none(len(motions))
+    corners = RoundedCorners.none(len(motions))
     length, angle = segments.length, np.linalg.norm(segments.turn, axis=1)
     before, after = corners.before.copy(), corners.after.copy()
     entry, exit_ = corners.entry.copy(), corners.exit.copy()
@@ -313,7 +313,7 @@ def find_corners(
             T = T.copy()
             T[rows] = driven(rows, share[rows])
         chords.append(T)
-    return Corners(before=before, after=after, entry=entry, exit=exit_, joined=chords[0], left=chords[1])
+    return RoundedCorners(before=before, after=after, entry=entry, exit=exit_, joined=chords[0], left=chords[1])
 
 
 def _followers(motions: Sequence[Motion]) -> list[int]:
@@ -374,7 +374,7 @@ class RoundedPath:
     """
 
     segments: Segments
-    corners: Corners
+    corners: RoundedCorners
 
     def at(self, move: Int[np.ndarray, " k"], share: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 4 4"]:
         """Poses at shares of the lengths of some motions, 0 to 1; at the end also where the start is not known."""

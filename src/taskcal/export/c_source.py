@@ -17,7 +17,7 @@ from robot_programs.core.robot import WRIST_TOLERANCE_M, meeting_point
 from taskcal.arguments import checked
 from taskcal.errors import WrongValue, shown
 from taskcal.export.forms import Export, Loss, spread_poses
-from taskcal.geometry.expressions import Pool, Traced, statements, trace
+from taskcal.geometry.expressions import Pool, SymbolicChain, statements, trace
 from taskcal.identification.calibration import Calibration
 from taskcal.kernels.chain import Fixed
 from taskcal.kinematics.inverse import spread_postures
@@ -111,7 +111,7 @@ class _Function:
 
     pool: Pool
     q: Any
-    traced: Traced
+    traced: SymbolicChain
     by_joint: Any
     """∂(coordinates)/∂q."""
     nearly_by_joint: Any

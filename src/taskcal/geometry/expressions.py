@@ -377,7 +377,7 @@ def _piece(one: Expression, texts: Mapping[int, _Piece], dialect: Dialect) -> _P
 # A chain gone through in expressions; `walk` says what is computed, here it is noted.
 
 
-class Traced(NamedTuple):
+class SymbolicChain(NamedTuple):
     """A chain at coordinates that are expressions."""
 
     T: Any
@@ -397,7 +397,7 @@ class Traced(NamedTuple):
         return (np.concatenate([rows, np.where(slides, 0.0, self.axes)], axis=1) if angular else rows).T
 
 
-def trace(chain: Chain, s: Any, e: Float[np.ndarray, "frames 6"]) -> Traced:
+def trace(chain: Chain, s: Any, e: Float[np.ndarray, "frames 6"]) -> SymbolicChain:
     """Go through a chain.
 
     Args:
@@ -424,4 +424,4 @@ def trace(chain: Chain, s: Any, e: Float[np.ndarray, "frames 6"]) -> Traced:
             else:
                 moved[2, 3] = s[number]
             T = T @ moved
-    return Traced(T, axes, origins, frames, tuple(slides))
+    return SymbolicChain(T, axes, origins, frames, tuple(slides))

@@ -122,7 +122,7 @@ class Chain:
 # Which movement of a chain each column of a Jacobian belongs to.
 
 
-class Layout(NamedTuple):
+class ColumnArrays(NamedTuple):
     """The arrays of `Columns` as the compiled passes take them."""
 
     frames: Int[np.ndarray, "frames 6"]
@@ -144,6 +144,6 @@ class Columns:
     """Number of columns."""
 
     @cached_property
-    def arrays(self) -> Layout:
+    def arrays(self) -> ColumnArrays:
         """For the compiled passes."""
-        return Layout(self.frames, self.joint, self.column)
+        return ColumnArrays(self.frames, self.joint, self.column)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from taskcal.kernels.blocks import BLOCK, cosine_and_sine, take_block
-from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain, Columns, Layout, Steps
+from taskcal.kernels.chain import ERROR_FRAME, FIXED, REVOLUTE, Chain, ColumnArrays, Columns, Steps
 from taskcal.kernels.chunks import in_chunks
 from taskcal.kernels.compiled import compiled, inlined, part
 
@@ -56,7 +56,7 @@ class WalkArrays(NamedTuple):
     """Chain coordinates, radians or metres."""
     e: Float[np.ndarray, "frames 6"]
     """Values of the error frames, metres and radians."""
-    layout: Layout
+    layout: ColumnArrays
     factor: Float[np.ndarray, "n pairs"]
     """∂s/∂ξ of each joint-side pair of the layout."""
     points: Points
@@ -340,7 +340,7 @@ def walk_points(walk, seen, whitener, buffers, out):
 
 
 NO_POSES, NO_COLUMNS, NO_ROWS = np.empty((0, 1, 16)), np.empty((0, 0, 0)), np.empty((0, 1, 0))
-NO_LAYOUT = Layout(np.empty((0, 6), dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+NO_LAYOUT = ColumnArrays(np.empty((0, 6), dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
 NO_POINTS = Points(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
 
 

@@ -23,7 +23,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
+class PointColumns:
     """Where a line has its point."""
 
     names: tuple[str, ...]
@@ -34,7 +34,7 @@ class Columns:
     """Size of their unit."""
 
     @classmethod
-    def of(cls, text: str) -> "Columns":
+    def of(cls, text: str) -> "PointColumns":
         """Columns by their names, such as ``id x_mm y_mm z_mm`` or ``x [m];y [m];z [m]``; ``-`` for one to skip.
 
         Args:
@@ -144,7 +144,7 @@ class KindColumns:
         return Shot(time_s=time_s, point=found.points[0], kind=self.kind.key, fixture=named[0] if named else "")
 
 
-def columns_of(text: str) -> Columns | KindColumns:
+def columns_of(text: str) -> PointColumns | KindColumns:
     """Columns by their names: of a point, or of a kind of observation without a tracker.
 
     Raises:
@@ -153,13 +153,13 @@ def columns_of(text: str) -> Columns | KindColumns:
     names = tuple(_split(text))
     of_kind = KindColumns.of(Point, names)
     there = [one for one in kinds() if one.needed and of_kind.at.keys() >= set(one.needed)]
-    return replace(of_kind, kind=max(there, key=lambda one: len(one.needed))) if there else Columns.of(text)
+    return replace(of_kind, kind=max(there, key=lambda one: len(one.needed))) if there else PointColumns.of(text)
 
 
 class Lines:
     """The lines of a file or a connection: a point each, after a header where there is one; comments are passed over."""
 
-    def __init__(self, columns: Columns | KindColumns | None, source: str):
+    def __init__(self, columns: PointColumns | KindColumns | None, source: str):
         """Begin.
 
         Args:

@@ -12,7 +12,7 @@ from taskcal.identification.calibration import residuals_on
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.options import FitOptions
 from taskcal.live.journal import Purpose, Row
-from taskcal.live.runner import Event, Left, Outcome, Runner
+from taskcal.live.runner import Left, Outcome, RunEvent, Runner
 from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, State, Step, as_campaign
 from taskcal.live.stillness import MissedError, Rules, Taken
 from taskcal.reading.joints import no_joint, read_joints
@@ -148,7 +148,7 @@ class ProgramRunner(Runner):
         left = self.program.left(self.steering.counting)
         if not len(left):
             return Outcome(state=state, reason="visited")
-        self.tell(Event(kind="left", state=state, left=self._left(left, first=state.met)))
+        self.tell(RunEvent(kind="left", state=state, left=self._left(left, first=state.met)))
         while (row := self._next()) is None:
             pass
         self._journal.append(row)

@@ -32,7 +32,7 @@ MEANINGS: dict[Answer, str] = {
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Event:
+class RunEvent:
     """What happened; of some kinds one field has it."""
 
     kind: Literal["pose", "left", "row", "state", "note"]
@@ -87,7 +87,7 @@ PACE_ROWS = 10
 
 
 @dataclass(eq=False, kw_only=True)
-class Drive:
+class Mover:
     """Moves the robot, joint by joint on a straight way, if that is clear."""
 
     controller: Controller
@@ -124,9 +124,9 @@ class Runner:
 
     steering: Steering
     taker: Taker
-    tell: Callable[[Event], None]
+    tell: Callable[[RunEvent], None]
     ask: Callable[[Question], Answer]
-    drive: Drive | None = None
+    drive: Mover | None = None
     """None where the robot is moved by a person or a program of its own."""
     now: Callable[[], float] = time.time
     """Seconds since 1970."""
@@ -166,14 +166,14 @@ class Runner:
 
     def _note(self, text: Said) -> None:
         """Tell something in words."""
-        self.tell(Event(kind="note", text=text))
+        self.tell(RunEvent(kind="note", text=text))
 
     def _pose(self, state: State) -> Outcome | None:
         """One pose, from its choice to its row; or how it ended."""
         if (outcome := self._ended(state)) is not None:
             return outcome
         step, error = self.steering.next(state, doubt=self._doubt, clear=self._clear())
-        self.tell(Event(kind="pose", step=step, state=state, next_error=error))
+        self.tell(RunEvent(kind="pose", step=step, state=state, next_error=error))
         row = self._row(step)
         if row is None:
             self.steering.skip(step)
@@ -183,7 +183,7 @@ class Runner:
 
     def _ended(self, state: State) -> Outcome | None:
         """Tell what is known; how it ended, if it did."""
-        self.tell(Event(kind="state", state=state, pose_s=self._pace()))
+        self.tell(RunEvent(kind="state", state=state, pose_s=self._pace()))
         if state.proven or state.consistent:
             return Outcome(state=state, reason="proven" if state.proven else "consistent")
         if state.rows >= self.steering.aim.most:
@@ -249,7 +249,7 @@ class Runner:
 
     def _row_of(self, step: Step, taken: Taken) -> Row:
         """A row that was taken, which is told."""
-        self.tell(Event(kind="row", step=step, taken=taken))
+        self.tell(RunEvent(kind="row", step=step, taken=taken))
         self._here = taken.joints
         self._first_s = taken.time_s if self._first_s is None else self._first_s
         return Row(

@@ -16,7 +16,7 @@ from taskcal.identification.calibration import Calibration
 from taskcal.observations import Pixels, images_of
 from taskcal.observations.camera import KILO, Lens, Pictures
 from taskcal.reading.detection import thumbnail
-from taskcal.report.chart import BLUE, VERMILION, Axis, Cells, Figure, Panel, Series
+from taskcal.report.chart import BLUE, VERMILION, Axis, Figure, Heatmap, Panel, Series
 from taskcal.report.content import Chart, Column, Section, Table, WithMinus, decimals_of
 from taskcal.robot.error_model import ErrorModel
 from taskcal_groundwork.said import Said, joined, numeral, term
@@ -460,7 +460,7 @@ def _draw_coverage(pictures: Pictures) -> tuple[Figure, float]:
     panel = Panel(
         x=Axis(title="u", unit="px", span=(0.0, float(lens.width))),
         y=Axis(title="v", unit="px", span=(float(lens.height), 0.0)),
-        cells=Cells(x=middles[0], y=middles[1], z=np.where(counts > 0, counts, np.nan).T),
+        cells=Heatmap(x=middles[0], y=middles[1], z=np.where(counts > 0, counts, np.nan).T),
         equal=True,
     )
     return Figure(panels=(panel,), scale=(0.0, float(counts.max()), Said("corners"))), float((counts > 0).mean())

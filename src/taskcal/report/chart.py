@@ -95,7 +95,7 @@ class Series:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cells:
+class Heatmap:
     """A map: coloured cells about their middles, empty where a value is NaN."""
 
     x: Float[np.ndarray, " x"]
@@ -122,7 +122,7 @@ class Panel:
     y: Axis
     title: str = ""
     series: tuple[Series, ...] = ()
-    cells: Cells | None = None
+    cells: Heatmap | None = None
     levels: tuple[Level, ...] = ()
     image: bytes = b""
     """JPEG behind all, from one end of the axes to the other."""
@@ -503,7 +503,7 @@ class _Canvas:
         over = "".join(f"V{top:.1f}H{right:.1f}" for top, right in zip(tops, left[1:], strict=True))
         yield f'</g><path d="M{left[0]:.1f} {zero:.1f}{over}V{zero:.1f}" fill="none" stroke-width="2"{dash}/>'
 
-    def cells(self, cells: Cells, scale: tuple[float, float, str]) -> Iterator[str]:
+    def cells(self, cells: Heatmap, scale: tuple[float, float, str]) -> Iterator[str]:
         """A map; cells of one colour as one path where none names its value."""
         alike: dict[str, str] = {}
         left, top = self.x.at(_edges(cells.x)), self.y.at(_edges(cells.y))

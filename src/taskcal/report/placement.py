@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
-from taskcal.report.chart import BLUE, GREEN, INK, ORANGE, VERMILION, Axis, Cells, Figure, Panel, Series
+from taskcal.report.chart import BLUE, GREEN, INK, ORANGE, VERMILION, Axis, Figure, Heatmap, Panel, Series
 from taskcal.report.content import Chart, Column, Facts, Section, Table
 from taskcal.report.page import Page
 from taskcal.report.task import span_of
@@ -91,7 +91,7 @@ def _maps(found: PartPlacements, through: PlacedPart, axes: Sequence[int]) -> Ma
         )
         for label, (key, _) in views.items():
             values = np.array([[_value(by_place[a, b], key) for a in u] for b in v], dtype=float)
-            cells = Cells(x=np.array(u), y=np.array(v), z=values)
+            cells = Heatmap(x=np.array(u), y=np.array(v), z=values)
             drawn[label].append(Panel(x=AXES[plane[0]], y=AXES[plane[1]], cells=cells, series=marks))
     return {
         label: Figure(

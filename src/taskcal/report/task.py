@@ -8,7 +8,7 @@ from jaxtyping import Float
 from taskcal.geometry import se3
 from taskcal.identification.calibration import COVERAGE_95
 from taskcal.planning.task_map import Maps, Slice, TaskCurves, TaskMaps
-from taskcal.report.chart import AXIS_COLOURS, BLUE, GREY, SERIES, VERMILION, Axis, Cells, Figure, Panel, Series
+from taskcal.report.chart import AXIS_COLOURS, BLUE, GREY, SERIES, VERMILION, Axis, Figure, Heatmap, Panel, Series
 from taskcal.report.content import NOMINAL, Chart, Section
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
@@ -45,7 +45,7 @@ def _map_panel(at: Slice, values: Float[np.ndarray, "v u"]) -> Panel:
         title=f"{across}–{up} through the middle",
         x=Axis(title=f"{across} from the middle", unit="mm"),
         y=Axis(title=up, unit="mm"),
-        cells=Cells(x=at.u * 1e3, y=at.v * 1e3, z=values * 1e3),
+        cells=Heatmap(x=at.u * 1e3, y=at.v * 1e3, z=values * 1e3),
         equal=True,
     )
 

@@ -67,7 +67,7 @@ def error_steps(robot: Robot, *, lengths_only: bool) -> tuple[list[Step], list[l
 Prepared = tuple[Float[np.ndarray, "_ _"] | None, ...]
 
 
-class Coordinates(NamedTuple):
+class SymbolicCoordinates(NamedTuple):
     """Chain coordinates as expressions."""
 
     still: Any
@@ -281,7 +281,7 @@ class ErrorModel:
         estimated = self.robot.four_bar is not None and not self._fixed_terms
         return x[self._frame_count :][:3] if estimated else np.zeros(3)
 
-    def coordinates(self, q: Any, x: Float[np.ndarray, " p"], loop: Any, conditions: Any = None) -> Coordinates:
+    def coordinates(self, q: Any, x: Float[np.ndarray, " p"], loop: Any, conditions: Any = None) -> SymbolicCoordinates:
         """Chain coordinates at joint positions that are expressions.
 
         Args:
@@ -307,7 +307,7 @@ class ErrorModel:
                 moved[coordinate] = moved[coordinate] + factor * value[parameter]
             factors += list(rows[0])
             first += len(term.names)
-        return Coordinates(still, moved, factors, kept)
+        return SymbolicCoordinates(still, moved, factors, kept)
 
     def walk(
         self,

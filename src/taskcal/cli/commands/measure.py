@@ -27,7 +27,7 @@ from taskcal_groundwork.said import Said
 if TYPE_CHECKING:
     from taskcal.live.devices import Controller
     from taskcal.live.program import Program
-    from taskcal.live.runner import Answer, Event, Left, Outcome, Question, Runner
+    from taskcal.live.runner import Answer, Left, Outcome, Question, RunEvent, Runner
     from taskcal.live.steering import Aim, State, Steering
     from taskcal.observations import Instrument, Observation
     from taskcal.reading import ReadOptions
@@ -217,11 +217,11 @@ def _check_apart(campaign: Path, watched: Path) -> None:
 def _runner(devices: DeviceOptions, program: "Program | None", **session: Any) -> "Runner":
     """A session, by who moves the robot."""
     from taskcal.live.program import ProgramRunner
-    from taskcal.live.runner import Drive, Runner
+    from taskcal.live.runner import Mover, Runner
 
     if program is not None:
         return ProgramRunner(program=program, **session)
-    drive = Drive(
+    drive = Mover(
         controller=session["taker"].controller, aim=session["steering"].aim, speed=devices.speed_percent / 100.0
     )
     return Runner(drive=drive if devices.drive else None, **session)
@@ -362,7 +362,7 @@ class _Terminal:
     aim: "Aim"
     as_json: bool
 
-    def tell(self, event: "Event") -> None:
+    def tell(self, event: "RunEvent") -> None:
         """Show an event."""
         if event.text is not None:
             self.note(event.text)
@@ -491,7 +491,7 @@ def _rms(state: "State") -> float:
     return float(np.sqrt(np.mean(state.kept_out**2))) if len(state.kept_out) else float("nan")
 
 
-def _line(aim: "Aim", event: "Event") -> dict[str, Any] | None:
+def _line(aim: "Aim", event: "RunEvent") -> dict[str, Any] | None:
     """An event for programs: the pose to go to, the row taken, or what is known after it; lengths that are not known are null."""
     step, taken, state = event.step, event.taken, event.state
     if event.kind == "pose" and step is not None:
