@@ -9,7 +9,7 @@ from benchmarks.peers.measure import slope
 from benchmarks.peers.scaling import CHAIN_POSES
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Chart, Section
-from taskcal.report.page import Page, draw_figures
+from taskcal.report.page import Report, draw_figures
 
 
 def draw(result: dict[str, Any]) -> Figure:
@@ -93,7 +93,7 @@ def draw_spreads(found: dict[str, dict[str, Any]], title: str) -> Figure:
 
 def as_png(figure: Figure, title: str) -> bytes:
     """The picture of a chart, two pixels for each of the page."""
-    sheet = draw_figures(Page(title=title, sections=[Section(title, Chart(title, figure))]), "pdf")[title]
+    sheet = draw_figures(Report(title=title, sections=[Section(title, Chart(title, figure))]), "pdf")[title]
     picture = BytesIO()
     PdfDocument(sheet)[0].render(scale=2 * 96 / 72).to_pil().save(picture, "PNG", optimize=True)
     return picture.getvalue()

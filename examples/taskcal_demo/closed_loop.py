@@ -28,7 +28,7 @@ from taskcal.correction.correct import correct
 from taskcal.correction.correction import TOLERANCE, Correction, Deviations, assess
 from taskcal.correction.frames import fit_points
 from taskcal.correction.options import Bounds
-from taskcal.correction.path import Placed, Placement
+from taskcal.correction.path import PlacedMotions, Placement
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration, load_calibration, package_version
@@ -222,7 +222,7 @@ def run_closed_loop(
     program = read_rapid((touched.source,))
     cell = _measure_cell(program, offsets, placements, parts, rng)
     correction = correct(calibration, program, cell=cell, bounds=Bounds(tolerance=TOLERANCE))
-    placed = Placed(
+    placed = PlacedMotions(
         # the time goes with the place in the program, however densely that is looked at
         tool_in_base=lambda q, move, share: true.milled(q, (move + share) / len(motions)),
         placements=tuple(placements.values()),

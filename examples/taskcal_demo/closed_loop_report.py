@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from taskcal.correction.cell import cell_text
 from taskcal.report.chart import BLUE, INK, ORANGE, VERMILION, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Chart, Column, Commands, Numbers, Section, Table
+from taskcal.report.content import Chart, Column, Commands, Numbers, Section, TextTable
 from taskcal.report.correction import draw_errors
-from taskcal.report.page import Page
+from taskcal.report.page import Report
 from taskcal_demo.closed_loop import (
     LINES,
     ClosedLoop,
@@ -52,7 +52,7 @@ KIND = (
 )
 
 
-def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
+def tabulate_closed_loop(runs: Sequence[LoopRun]) -> TextTable:
     """Median, smallest and largest over the robots of each robot's figures, millimetres."""
     lines = [errors_by_line(run) for run in runs]
     figures = {
@@ -71,7 +71,7 @@ def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
         Column("", lambda row: row[0]),
         *(Column(name, lambda row, size=size: format(size(row[1]), row[2]), "s") for name, size in sizes.items()),
     )
-    return Table.of(
+    return TextTable.of(
         f"The true cutter against its way on the part: {len(runs)} virtual robots (mm)",
         columns,
         rows,
@@ -81,11 +81,11 @@ def tabulate_closed_loop(runs: Sequence[LoopRun]) -> Table:
     )
 
 
-def tabulate_effects(runs: Sequence[LoopRun]) -> Table:
+def tabulate_effects(runs: Sequence[LoopRun]) -> TextTable:
     """On how many robots the search found each effect."""
     names = [effect.name for run in runs for effect in run.calibration.model.effects]
     rows = [(name, f"{names.count(name)} of {len(runs)}") for name in sorted(set(names), key=lambda n: -names.count(n))]
-    return Table.of_rows(
+    return TextTable.of_rows(
         "Effects that the data proved",
         ("effect", "robots"),
         rows,
@@ -97,7 +97,7 @@ ASSUMED = "as assumed"
 """Name of the truths of `true_robot` beside the unkind ones."""
 
 
-def tabulate_unkind(cases: Mapping[str, Sequence[LoopRun]]) -> Table:
+def tabulate_unkind(cases: Mapping[str, Sequence[LoopRun]]) -> TextTable:
     """What was stated of the corrected program and what was true, for the robots of each truth by its name, millimetres."""
     columns = (
         Column("truth", lambda row: row[0]),
@@ -109,7 +109,7 @@ def tabulate_unkind(cases: Mapping[str, Sequence[LoopRun]]) -> Table:
         Column("what was stated", lambda row: "held" if row[1].held else "did not hold"),
         Column("on robots\nby themselves", lambda row: row[2], "s"),
     )
-    return Table.of(
+    return TextTable.of(
         "Corrected, by how kind the truth is (mm)",
         columns,
         [(name, StatedAndTrue.of(runs), _held_on(runs)) for name, runs in cases.items()],
@@ -146,7 +146,7 @@ def draw_closed_loop(found: Mapping[str, Float[np.ndarray, " runs"]]) -> Figure:
 
 def closed_loop_page(
     loop: ClosedLoop, runs: Sequence[LoopRun], *, unkind: Mapping[str, Sequence[LoopRun]] | None = None, next_steps: str
-) -> Page:
+) -> Report:
     """Make the page of the closed loop.
 
     Args:
@@ -156,7 +156,7 @@ def closed_loop_page(
         next_steps: commands to go on with.
     """
     found = largest_errors(runs)
-    return Page(
+    return Report(
         title="From measurement to a corrected program",
         sections=(
             Section(

@@ -13,8 +13,8 @@ from taskcal.identification.held_out import Validation
 from taskcal.reading.writer import campaign_text
 from taskcal.report.calibration import draw_parameters, draw_residuals
 from taskcal.report.chart import GREY, INK, SERIES, SHAPES, VERMILION, Axis, Figure, Panel, Series
-from taskcal.report.content import MICROMETRES, Chart, Column, Commands, Numbers, Points, Scene, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.content import MICROMETRES, Bullets, Chart, Column, Commands, Numbers, Section, TextTable, Viewer
+from taskcal.report.page import Report
 from taskcal.report.scene import coloured_points, to_mm
 from taskcal.report.sensitivity import draw_sensitivities, draw_singular_values, tabulate_all_eliminated
 from taskcal.robot.error_model import COMPONENTS, ErrorModel
@@ -119,7 +119,7 @@ PUBLISHED_RESIDUALS = (180.3e-6, 95.7e-6, 122.2e-6, 91.9e-6)
 """Largest residuals in space and on X, Y, Z of Gutiérrez et al., measured robot, 33 parameters, metres."""
 
 
-def overview(procedure: Procedure) -> tuple[Table, ...]:
+def overview(procedure: Procedure) -> tuple[TextTable, ...]:
     """The tables that fit a terminal."""
     return (
         tabulate_model(procedure.model),
@@ -137,7 +137,7 @@ def micrometres(label: str, value: str | Callable[[Any], object], form: str = ".
     return Column(label, value, form, 1e6)
 
 
-def tabulate_model(model: ErrorModel) -> Table:
+def tabulate_model(model: ErrorModel) -> TextTable:
     """All parameters at a glance: a row per frame, the publication's symbols in the cells."""
     frames: dict[str, dict[str, str]] = {}
     for p in model.parameters:
@@ -149,7 +149,7 @@ def tabulate_model(model: ErrorModel) -> Table:
         others = [f"{component} = {symbol}" for component, symbol in own.items() if component not in COMPONENTS]
         cells = others or [own.get(component, "") for component in COMPONENTS]
         rows.append((frame, *cells, *[""] * (width - len(cells))))
-    return Table.of_rows(
+    return TextTable.of_rows(
         f"The model's {len(model)} parameters",
         ("frame", *COMPONENTS),
         rows,
@@ -159,7 +159,7 @@ def tabulate_model(model: ErrorModel) -> Table:
     )
 
 
-def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table:
+def tabulate_influences(procedure: Procedure, limit: int | None = None) -> TextTable:
     """Largest influence of each parameter at its tolerance; with a limit, only the largest in space."""
     sets, parameters = procedure.sensitivities, procedure.model.parameters
     values = {
@@ -178,7 +178,7 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
             for axis, row in zip(("X", "Y", "Z", "space"), each, strict=True)
         ),
     ]
-    return Table.of(
+    return TextTable.of(
         "Largest influence on the TCP (µm)" + ("" if limit is None else f": the {limit} strongest parameters"),
         columns,
         order,
@@ -188,7 +188,7 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> Table
     )
 
 
-def tabulate_counts(procedure: Procedure) -> Table:
+def tabulate_counts(procedure: Procedure) -> TextTable:
     """Tabulate the numbers of published and of identifiable parameters."""
     table, total = procedure.elimination, len(procedure.model)
     published, repeats = [row.published for row in table.rows], [row.repeats for row in table.rows]
@@ -207,7 +207,7 @@ def tabulate_counts(procedure: Procedure) -> Table:
         Column("remain", lambda row: total - row[1] - row[2], "d"),
         Column("condition", lambda row: row[3], ".0f"),
     )
-    return Table.of(
+    return TextTable.of(
         f"What remains of the {total} parameters",
         columns,
         counts,
@@ -218,7 +218,7 @@ def tabulate_counts(procedure: Procedure) -> Table:
     )
 
 
-def tabulate_relations(procedure: Procedure) -> Table:
+def tabulate_relations(procedure: Procedure) -> TextTable:
     """Tabulate the parameters of the published reduced model that depend on others, with their relations."""
     kept, sets = set(published_kept(procedure.model)), procedure.elimination.eliminations
 
@@ -228,7 +228,7 @@ def tabulate_relations(procedure: Procedure) -> Table:
             lambda row: "independent" if row.eliminated[label] == "kept" else f"= {row.eliminated[label]}",
         )
 
-    return Table.of(
+    return TextTable.of(
         f"Of the published {len(kept)}, these repeat others",
         (Column("parameter", lambda row: f"{row.name} ({row.symbol})"), *map(relation, sets)),
         [row for row in procedure.elimination.rows if row.name in kept and set(row.eliminated.values()) != {"kept"}],
@@ -237,7 +237,7 @@ def tabulate_relations(procedure: Procedure) -> Table:
     )
 
 
-def tabulate_elimination(procedure: Procedure) -> Table:
+def tabulate_elimination(procedure: Procedure) -> TextTable:
     """Every parameter: what was published of it, and what each set of poses says."""
     return tabulate_all_eliminated(
         procedure.elimination,
@@ -255,7 +255,7 @@ def _fits_of(procedure: Procedure) -> dict[str, Sequence[Fitted]]:
     return _by_campaign(procedure, lambda campaign: [f for f in procedure.fits if f.campaign == campaign])
 
 
-def tabulate_registration(procedure: Procedure) -> Table:
+def tabulate_registration(procedure: Procedure) -> TextTable:
     """Tracker frame and target from circles, held, beside the fit that finds them by itself."""
     kept, true = len(published_kept(procedure.model)), procedure.truth.T_tracker_base
     starts = {
@@ -276,7 +276,7 @@ def tabulate_registration(procedure: Procedure) -> Table:
             for key in ("residual", "inside", "outside")
         ),
     )
-    return Table.of(
+    return TextTable.of(
         f"Registration of the tracker, with the published {kept}",
         columns,
         _by_campaign(
@@ -288,7 +288,7 @@ def tabulate_registration(procedure: Procedure) -> Table:
     )
 
 
-def tabulate_residuals(procedure: Procedure) -> Table:
+def tabulate_residuals(procedure: Procedure) -> TextTable:
     """Tabulate the fit residuals of each model."""
     fitted = {
         heading: [(f.model, f.parameters, e.mean, e.maximum, *e.per_axis) for f in fits for e in (f.residual,)]
@@ -299,7 +299,7 @@ def tabulate_residuals(procedure: Procedure) -> Table:
         Column("fitted", lambda row: row[1], "d"),
         *(micrometres(name, lambda row, k=k: row[k]) for k, name in enumerate(("mean", "max", "X", "Y", "Z"), 2)),
     )
-    return Table.of(
+    return TextTable.of(
         "Residuals on the measured poses (µm)",
         columns,
         {**fitted, "real robot, as published": [("published 33", 33, None, *PUBLISHED_RESIDUALS)]},
@@ -309,7 +309,7 @@ def tabulate_residuals(procedure: Procedure) -> Table:
     )
 
 
-def tabulate_held_out(procedure: Procedure) -> Table:
+def tabulate_held_out(procedure: Procedure) -> TextTable:
     """Errors on poses that were not measured, for every model."""
     sizes = {"mean": "mean", "max": "maximum"}
     columns = (
@@ -320,7 +320,7 @@ def tabulate_held_out(procedure: Procedure) -> Table:
             for name, size in sizes.items()
         ),
     )
-    return Table.of(
+    return TextTable.of(
         "Errors on new poses (µm)",
         columns,
         _fits_of(procedure),
@@ -330,7 +330,7 @@ def tabulate_held_out(procedure: Procedure) -> Table:
     )
 
 
-def tabulate_parameters(procedure: Procedure) -> Table:
+def tabulate_parameters(procedure: Procedure) -> TextTable:
     """Estimates of the whole model beside the truth."""
     parameters = procedure.model.parameters
 
@@ -349,7 +349,7 @@ def tabulate_parameters(procedure: Procedure) -> Table:
         Column("truth", lambda i: procedure.truth.x[i] * parameters[i].shown.factor, ".3f"),
         *map(estimate, procedure.whole),
     )
-    return Table.of(
+    return TextTable.of(
         f"All {len(parameters)} parameters: estimates and truth",
         columns,
         range(len(parameters)),
@@ -433,7 +433,7 @@ def draw_coverage(predictions: Sequence[Predictions]) -> Figure:
     return Figure(panels=panels, columns=2)
 
 
-def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> Scene:
+def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Float[np.ndarray, "n 3"]]) -> Viewer:
     """New poses where they are in the workspace, coloured by the error of their prediction; the first is shown at first.
 
     Args:
@@ -461,7 +461,7 @@ def draw_workspace(predictions: Sequence[Predictions], measured: Mapping[str, Fl
         }
         for name, points in measured.items()
     ]  # fmt: skip
-    return Scene(
+    return Viewer(
         title="Where the errors are in the workspace",
         layers=tuple(layers),
         note=f"Dark 1 µm to bright {10.0**top:.0f} µm, logarithmic, in all layers alike; squares are the measured poses, in base "
@@ -495,7 +495,7 @@ def um(metres: float) -> str:
 # The sections of the page.
 
 
-def procedure_page(procedure: Procedure, *, next_steps: str) -> Page:
+def procedure_page(procedure: Procedure, *, next_steps: str) -> Report:
     """Make the page of a run of the procedure.
 
     Args:
@@ -503,7 +503,7 @@ def procedure_page(procedure: Procedure, *, next_steps: str) -> Page:
         next_steps: commands to go on with.
     """
     model = procedure.model
-    return Page(
+    return Report(
         title="Adapting a robot's geometric model to its task",
         sections=(
             _summary(procedure),
@@ -541,7 +541,7 @@ def _summary(procedure: Procedure) -> Section:
             (um(several.inside.mean), "µm", f"mean 3D error, calibrated in {SEVERAL}, at held-out poses there"),
             (um(one.outside.mean), "µm", "mean 3D error, calibrated in one orientation, at other orientations"),
         ),
-        Points(*summary_points(procedure)),
+        Bullets(*summary_points(procedure)),
         "The robot is virtual: its geometric errors are drawn from the tolerances (one standard deviation: 0.3 mm and 0.3 mrad "
         "unless its file says otherwise) and its tracker has the noise of a Leica AT901, ±(15 µm + 6 µm/m) taken as two standard "
         "deviations. So the truth is known, and errors are errors, not residuals. It does not bend, warm up or backlash; a real "
@@ -591,7 +591,7 @@ def _mechanism(procedure: Procedure) -> Section:
         f"The nominal model has the lengths {lengths} mm." if lengths else None,
         "Every geometric error that the mechanism leaves free is a parameter.",
         tabulate_model(model),
-        Table.of("All parameters with their tolerances", columns, model.parameters, folded=True),
+        TextTable.of("All parameters with their tolerances", columns, model.parameters, folded=True),
     )
 
 
@@ -731,7 +731,7 @@ def _uncertainty(procedure: Procedure) -> Section:
         f"poses do not determine, and the statement means nothing: {stated_without} stated, {actual_without} actual.",
         "All errors here come from one robot and one campaign, so they rise and fall together: a curve may leave the diagonal by "
         "chance. Another seed draws another robot, and gives other curves.",
-        Table.of(
+        TextTable.of(
             "Stated uncertainty and actual error (µm, root mean square in space), and share inside (%)",
             columns,
             [*chosen, undamped],

@@ -90,7 +90,7 @@ class OptionError(WrongValue):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stated:
+class StatedOption:
     """An option where it stands."""
 
     field: str
@@ -257,14 +257,14 @@ def split(text: str, field: str) -> tuple[str, ...]:
 
 
 @cache
-def declared(group: type) -> tuple[Stated, ...]:
+def declared(group: type) -> tuple[StatedOption, ...]:
     """What is declared of a dataclass, in the order of its fields, Python's alone among it."""
     found = (stated(one.name, one.type, one.default, one.metadata.get(OPTION)) for one in fields(group))
     return tuple(one for one in found if one is not None)
 
 
 @cache
-def options_of(group: type) -> tuple[Stated, ...]:
+def options_of(group: type) -> tuple[StatedOption, ...]:
     """Options of a dataclass that are written, in their order."""
     return tuple(one for one in declared(group) if not one.option.alone)
 
@@ -273,7 +273,7 @@ OPTION = "option"
 """Key of a field's metadata, where a command of the command line declares an option of its own."""
 
 
-def stated(name: str, kind: Any, default: Any, option: Option | None = None) -> Stated | None:
+def stated(name: str, kind: Any, default: Any, option: Option | None = None) -> StatedOption | None:
     """An option by its field.
 
     Args:
@@ -289,7 +289,7 @@ def stated(name: str, kind: Any, default: Any, option: Option | None = None) -> 
         return None
     alternatives = get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
     own = option.kind or next(one for one in alternatives if one is not NoneType)
-    return Stated(field=name, kind=own, default=default, option=option)
+    return StatedOption(field=name, kind=own, default=default, option=option)
 
 
 def check(group: type, options: Any) -> None:

@@ -8,7 +8,7 @@ from nicegui import ui
 from nicegui.element import Element
 from nicegui.elements.mixins.text_element import TextElement
 
-from taskcal.report.content import Table
+from taskcal.report.content import TextTable
 from taskcal_studio.project import MAX_FILE_BYTES
 from taskcal_studio.texts import Texts
 
@@ -220,7 +220,7 @@ def button(label: str, on_click: Callable[[], Any], *, plain: bool = False) -> T
 
 
 def tabulated(
-    shown: Table, rows: Sequence[int] = (), *, texts: Texts | None = None, classes: Mapping[str, str] | None = None
+    shown: TextTable, rows: Sequence[int] = (), *, texts: Texts | None = None, classes: Mapping[str, str] | None = None
 ) -> Element:
     """A table as reports and the command line have it.
 

@@ -21,7 +21,7 @@ from taskcal_studio.controls import ANGLES, MAX_DISTANCE_MM, Dial, button, drop_
 from taskcal_studio.measured_rows import MeasuredRows
 from taskcal_studio.project import LAYOUT, STATION_ENDINGS, Project
 from taskcal_studio.robot_meshes import RobotMeshes
-from taskcal_studio.selection import Selection
+from taskcal_studio.selection import RowSelection
 from taskcal_studio.steps import choose_file, show_error
 from taskcal_studio.task_box import FREE, TENTHS, THOUSANDTHS, TaskBox, ToolRoom
 from taskcal_studio.texts import Texts
@@ -152,7 +152,7 @@ def _show_cell(
             add_views(view, label, texts)
         return BoxView(view.scene, view.size, len(box.rooms), on_drag)
     points, rows, _ = measured.cloud
-    with Selection(len(measured.q)) as selection:
+    with RowSelection(len(measured.q)) as selection:
         view = CellView(
             robot,
             measured.q,

@@ -6,7 +6,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.element import Element
 
-from taskcal_groundwork.options import SIGNS, UNITS, OptionError, Stated
+from taskcal_groundwork.options import SIGNS, UNITS, OptionError, StatedOption
 from taskcal_studio.controls import ValueInput, choice, labelled, set_attribute, text, tick
 from taskcal_studio.project import LAYOUT, RESULT, Project
 from taskcal_studio.stated_options import BEGUN, Statements, check_stated, name_of, offered
@@ -35,7 +35,7 @@ def option_fields(project: Project, texts: Texts, stated: Statements, *names: st
 class _Field:
     """The field of an option."""
 
-    def __init__(self, project: Project, texts: Texts, stated: Statements, one: Stated) -> None:
+    def __init__(self, project: Project, texts: Texts, stated: Statements, one: StatedOption) -> None:
         self._project, self._texts, self._stated, self._one = project, texts, stated, one
         begun: Any = BEGUN[stated.command].get(one.name, one.written(one.default))
         self._begun = "" if begun is None else str(begun).lower() if one.kind is bool else f"{begun}"

@@ -21,7 +21,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, model_validator
 from robot_programs.languages import languages
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.files import take_lock, write_all, write_whole
-from taskcal.io.toml_file import Section, read_toml
+from taskcal.io.toml_file import FileSection, read_toml
 from taskcal.reading.detection import SUFFIXES
 from taskcal.tables.forms import table_suffixes
 from taskcal_groundwork.files import elsewhere_on_windows
@@ -168,7 +168,7 @@ Options = Annotated[dict[str, dict[str, Annotated[str, Field(max_length=2000)]]]
 """Texts by command, and by the name of the option."""
 
 
-class Choices(Section):
+class Choices(FileSection):
     """Current choices of a project, as in ``project.toml``."""
 
     name: str = Field(min_length=1, max_length=200)

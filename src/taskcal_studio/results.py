@@ -198,7 +198,7 @@ def changed_since(project: Project, product: str, now: Mapping[str, str]) -> tup
 # Where each step stands.
 
 
-class State(StrEnum):
+class StepStatus(StrEnum):
     """Where a step stands."""
 
     done = "done"
@@ -219,7 +219,7 @@ class State(StrEnum):
 class Step:
     """A step of the road."""
 
-    state: State
+    state: StepStatus
     because: tuple[str, ...] = ()
     """Choices that changed, or pages whose steps are missing."""
     waits: bool = True
@@ -228,7 +228,7 @@ class Step:
     @property
     def open(self) -> bool:
         """Whether it is the user's turn, and what follows waits for it."""
-        return self.waits and self.state in (State.needed, State.outdated, State.running)
+        return self.waits and self.state in (StepStatus.needed, StepStatus.outdated, StepStatus.running)
 
 
 MAX_STEM = 20
@@ -307,7 +307,7 @@ def steps_of(project: Project) -> Mapping[str, Step]:
             of_product(corrected_of(choices.program), there=corrected, waits=not refused, missing=no_fit), overridden
         )
         if now["program"]
-        else Step(state=State.optional, waits=False),
+        else Step(state=StepStatus.optional, waits=False),
         "report": of_product(report, there=reported, missing=no_fit, waits=reported),
     }
 
@@ -315,16 +315,16 @@ def steps_of(project: Project) -> Mapping[str, Step]:
 def _step(*missing: str, there: bool, changed: tuple[str, ...] | None = (), waits: bool = True) -> Step:
     """A step whose result is there, made before some choices changed; None where it is not known from what it was made."""
     if missing:
-        return Step(state=State.impossible, because=missing, waits=waits)
+        return Step(state=StepStatus.impossible, because=missing, waits=waits)
     if not there:
-        return Step(state=State.needed if waits else State.optional, waits=waits)
+        return Step(state=StepStatus.needed if waits else StepStatus.optional, waits=waits)
     if changed is None or changed:
-        return Step(state=State.outdated, because=changed or (), waits=waits)
-    return Step(state=State.done, waits=waits)
+        return Step(state=StepStatus.outdated, because=changed or (), waits=waits)
+    return Step(state=StepStatus.done, waits=waits)
 
 
 def _with_override(step: Step, overridden: bool) -> Step:
-    return replace(step, state=State.overridden) if overridden and step.state is State.done else step
+    return replace(step, state=StepStatus.overridden) if overridden and step.state is StepStatus.done else step
 
 
 def next_step(steps: Mapping[str, Step], here: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from nicegui import ui
 
 from taskcal.report.chart import Figure
-from taskcal.report.content import Block, Chart, Facts, Numbers, Points, Scene, Section, Step, Table, Text
+from taskcal.report.content import Block, Bullets, Chart, Facts, NextStep, Numbers, Section, Text, TextTable, Viewer
 from taskcal_studio.controls import facts, tabulated, text
 from taskcal_studio.steps import link
 from taskcal_studio.texts import Texts
@@ -15,7 +15,7 @@ MANY = 1_000_000
 
 
 def show_sections(
-    sections: Iterable[Section], texts: Texts, *, folded: int = MANY, scene: Callable[[Scene], object] | None = None
+    sections: Iterable[Section], texts: Texts, *, folded: int = MANY, scene: Callable[[Viewer], object] | None = None
 ) -> None:
     """Sections one below the other.
 
@@ -37,7 +37,7 @@ def show_block(
     texts: Texts,
     *,
     links: Mapping[str, tuple[str, str]] | None = None,
-    scene: Callable[[Scene], object] | None = None,
+    scene: Callable[[Viewer], object] | None = None,
     classes: Mapping[str, str] | None = None,
 ) -> None:
     """A block of a section.
@@ -52,7 +52,7 @@ def show_block(
     Raises:
         TypeError: the page cannot show it.
     """
-    if isinstance(block, Table):
+    if isinstance(block, TextTable):
         with ui.element("details" if block.folded else "div"):
             if block.folded:
                 text("summary", texts.said(block.title))
@@ -61,7 +61,7 @@ def show_block(
         _chart(block, texts)
     elif isinstance(block, Text):
         text("p", texts.said(block.words))
-    elif isinstance(block, Points):
+    elif isinstance(block, Bullets):
         with ui.element("ul"):
             for item in block.items:
                 text("li", texts.said(item))
@@ -69,12 +69,12 @@ def show_block(
         facts((texts.said(what), f"{texts.said(value)} {unit}".strip()) for value, unit, what in block.items)
     elif isinstance(block, Facts):
         facts((texts.said(label), texts.said(words)) for label, words in block.items)
-    elif isinstance(block, Step):
+    elif isinstance(block, NextStep):
         with ui.element("p"):
             text("span", f"{texts('next.next', what=texts.said(block.words))} ")
             if block.about in (links or {}):
                 link(*(links or {})[block.about])
-    elif isinstance(block, Scene) and scene is not None:
+    elif isinstance(block, Viewer) and scene is not None:
         scene(block)
     else:
         raise TypeError(f"a page shows no {block.kind} here")

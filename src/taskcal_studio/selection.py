@@ -18,7 +18,7 @@ STEPPED = """(event) => {
 }"""
 
 
-class Selection:
+class RowSelection:
     """A part of a page within which all show the same row."""
 
     def __init__(self, count: int) -> None:
@@ -32,7 +32,7 @@ class Selection:
         self._area = ui.element("div").on("click", self._clicked, js_handler=CLICKED)
         self._area.on("keydown", self._stepped, js_handler=STEPPED)
 
-    def __enter__(self) -> "Selection":
+    def __enter__(self) -> "RowSelection":
         self._area.__enter__()
         return self
 

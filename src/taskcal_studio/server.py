@@ -41,7 +41,7 @@ from taskcal_studio.pages import (
 )
 from taskcal_studio.pages.robot_page import warm_up
 from taskcal_studio.project import MAX_FILE_BYTES, Change
-from taskcal_studio.results import State, Step, examined, next_step, steps_of
+from taskcal_studio.results import Step, StepStatus, examined, next_step, steps_of
 from taskcal_studio.runs import ASKS, CommandRun, Status, Studio
 from taskcal_studio.steps import is_running, link, show_error
 from taskcal_studio.texts import LANGUAGES, LIBRARY_LANGUAGE, Texts, preferred
@@ -258,7 +258,7 @@ def add_page(page: Page, road: tuple[Page, ...], studio: Studio) -> None:
         await client.connected(timeout=30)
         with place:
             try:
-                if page.early or steps[page.key].state is not State.impossible:
+                if page.early or steps[page.key].state is not StepStatus.impossible:
                     await page.build(studio, texts)
             except TaskcalError as error:  # of a file: what was shown before it stays
                 show_error(studio.project, error)
@@ -311,14 +311,14 @@ ROLES: Mapping[str, str] = {
 }
 """Texts of choices whose page has another name."""
 
-COLOURS: Mapping[State, str] = {State.done: "good", State.needed: "bad", State.outdated: "bad"}
+COLOURS: Mapping[StepStatus, str] = {StepStatus.done: "good", StepStatus.needed: "bad", StepStatus.outdated: "bad"}
 
 
 async def _steps(road: tuple[Page, ...], studio: Studio) -> Mapping[str, Step]:
     """Every step as the files are, and as it runs."""
     steps = dict(await asyncio.to_thread(steps_of, studio.project))
     if await asyncio.to_thread(_has_findings, studio):
-        steps["measurements"] = replace(steps["measurements"], state=State.needed)
+        steps["measurements"] = replace(steps["measurements"], state=StepStatus.needed)
     correction = studio.run_of("correct")
     if correction is not None and correction.status is Status.refused:  # one goes on without the program, or mends it
         steps["program"] = replace(steps["program"], waits=False)
@@ -338,13 +338,13 @@ def _has_findings(studio: Studio) -> bool:
 
 
 def _as_it_runs(step: Step, run: CommandRun | None) -> Step:
-    return replace(step, state=State.running) if is_running(run) else step
+    return replace(step, state=StepStatus.running) if is_running(run) else step
 
 
 def _stand(step: Step, texts: Texts) -> Element:
     """Where a step stands, and why."""
     names = ", ".join(texts(ROLES.get(name, f"{name}.title")) for name in step.because)
-    whys = {State.impossible: "state.first", State.outdated: "state.since" if names else "state.unknown"}
+    whys = {StepStatus.impossible: "state.first", StepStatus.outdated: "state.since" if names else "state.unknown"}
     with ui.element("span").classes("stand") as stand:
         text("span", texts(f"state.{step.state}")).classes(COLOURS.get(step.state, "quiet"))
         if step.state in whys:
@@ -357,21 +357,21 @@ def _next(page: Page, road: tuple[Page, ...], steps: Mapping[str, Step], studio:
     key = next_step(steps, page.key)
     _stand(steps[page.key], texts)
     if not key:
-        if page.again is not None and steps[page.key].state is State.optional:
+        if page.again is not None and steps[page.key].state is StepStatus.optional:
             button(texts("next.next", what=texts(f"next.{page.key}")), lambda: page.again and page.again(studio))
         return
     to, step = next(one for one in road if one.key == key), steps[key]
-    at_once = to.at_once and to is not page and step.state is State.needed
-    again = to.again if at_once or step.state is State.outdated else None
-    todo = {State.needed: f"next.{key}", State.outdated: f"next.{key}_again"}
+    at_once = to.at_once and to is not page and step.state is StepStatus.needed
+    again = to.again if at_once or step.state is StepStatus.outdated else None
+    todo = {StepStatus.needed: f"next.{key}", StepStatus.outdated: f"next.{key}_again"}
     what = texts(todo[step.state] if step.open and step.state in todo else f"{key}.title")
-    if key == "measurements" and step.state is State.needed and studio.project.choices.campaign:
+    if key == "measurements" and step.state is StepStatus.needed and studio.project.choices.campaign:
         what = texts("next.findings")
     if again is not None:
         button(texts("next.next", what=what), lambda: again(studio))
     elif to is not page:
         link(texts("next.next", what=what), f"/{key}").classes("act")
-    elif step.state is State.needed:
+    elif step.state is StepStatus.needed:
         text("span", texts("next.here", what=what))
 
 

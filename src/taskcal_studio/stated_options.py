@@ -14,7 +14,7 @@ from taskcal.observations.pixels import PixelInstrument
 from taskcal.planning.options import Mounting, PlannedPoses, PlanOptions
 from taskcal.reading.options import ReadOptions
 from taskcal.tables.options import TableForm
-from taskcal_groundwork.options import OptionError, Stated, arguments_of, options_of, read
+from taskcal_groundwork.options import OptionError, StatedOption, arguments_of, options_of, read
 
 GROUPS: Mapping[str, tuple[type, ...]] = {
     "identify": (EffectSearch, Holdout, GeometryOptions, FitOptions),
@@ -101,7 +101,7 @@ NO_FIELDS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
 """Options and arguments of the command that its form lacks, by the reason."""
 
 
-def offered(command: str) -> dict[str, Stated]:
+def offered(command: str) -> dict[str, StatedOption]:
     """Options that a page has, by name."""
     left_out = {name for names in NO_FIELDS[command].values() for name in names}
     every = [one for group in GROUPS[command] for one in options_of(group)]
@@ -168,7 +168,7 @@ def arguments(command: str, options: Mapping[str, Mapping[str, str]], without: C
 
 
 @cache
-def described(command: str) -> Mapping[str, Stated]:
+def described(command: str) -> Mapping[str, StatedOption]:
     """Options and arguments of a command by their names, files among them, as it declares them itself."""
     found: Any = get_command(app)
     for word in command.split():

@@ -20,7 +20,7 @@ from taskcal.robot.robot import Robot
 from taskcal.task.workspace import Orientation, Workspace
 from taskcal_studio.controls import ValueInput, button, message, set_attribute, text
 from taskcal_studio.robot_meshes import RobotMeshes
-from taskcal_studio.selection import Selection
+from taskcal_studio.selection import RowSelection
 from taskcal_studio.texts import Texts
 
 BOX, INSTRUMENT, BEAM, MARK, KEEP_OUT, ARROW = "#0072B2", "#44505c", "#a33c00", "#d65e00", "#5b3a8c", "#b34700"
@@ -471,7 +471,7 @@ class RowPlayer:
         self,
         view: CellView,
         q: Float[np.ndarray, "n joints"],
-        selection: Selection,
+        selection: RowSelection,
         label: str,
         texts: Texts,
         *,

@@ -8,7 +8,7 @@ import pytest
 from taskcal.correction.controller import simulate_controller
 from taskcal.correction.correction import Deviations, assess, budget_of
 from taskcal.correction.frames import SOURCES, Uncertainty
-from taskcal.correction.path import Placed
+from taskcal.correction.path import PlacedMotions
 from taskcal.geometry import se3
 from taskcal.identification.measured_range import MeasuredRange
 
@@ -17,7 +17,7 @@ def test_unknown_start_is_assessed_at_the_end_only(robot, make_moves, middle):
     """A way whose start is not known is assessed at its end only."""
     motions = make_moves([middle @ se3.translation(0.05 * k, 0.0, 0.0) for k in range(3)])
     trajectory = simulate_controller(robot, motions)
-    placed = Placed.nominal(robot, motions)
+    placed = PlacedMotions.nominal(robot, motions)
     path = trajectory.path_on(placed, motions)
     start = path.segments.start.copy()
     start[1] = np.nan

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_simpson
 
 from robot_programs.core.program import Frame, Zone
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.path import Placed, Placement, RoundedCorners, RoundedPath, Segments, find_corners
+from taskcal.correction.path import PlacedMotions, Placement, RoundedCorners, RoundedPath, Segments, find_corners
 from taskcal.geometry import se3
 from taskcal.robot.error_model import ErrorModel
 from tests.laws.robots import generators
@@ -41,7 +41,9 @@ def test_the_robot_s_tool_is_the_inverse_of_the_program_s(rng, part_in_hand):
 def test_each_motion_has_the_placement_of_its_number(rng):
     both = placement(rng, False), placement(rng, True)
     B = poses(rng, 6)
-    placed = Placed(tool_in_base=lambda q, move, share: B[move], placements=both, number=np.array([0, 1, 1, 0, 0, 1]))
+    placed = PlacedMotions(
+        tool_in_base=lambda q, move, share: B[move], placements=both, number=np.array([0, 1, 1, 0, 0, 1])
+    )
     move = rng.permutation(6)
     T = placed.tool_in_part(move, np.ones(6), np.zeros((6, 6)))
     for k, i in enumerate(move):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taskcal.correction.controller import simulate_controller
-from taskcal.correction.path import Placed, Placement
+from taskcal.correction.path import PlacedMotions, Placement
 from taskcal.correction.subdivision import CorrectionProblem, subdivide
 
 
@@ -15,7 +15,7 @@ def problem(robot, calibration, make_moves, shifted):
             [shifted(0, 0, 0), shifted(150, 0, 0), shifted(150, 120, 0)], vias={2: shifted(180, 60, 0)}
         )
         trajectory = simulate_controller(robot, motions)
-        placed = Placed(
+        placed = PlacedMotions(
             tool_in_base=lambda q, move, share: calibration.tool_in_base(q),
             placements=(Placement(T_tool_grasped=np.eye(4), T_base_fixed=np.eye(4), part_in_hand=False),),
             number=np.zeros(len(motions), dtype=np.int64),

@@ -10,7 +10,7 @@ import pytest
 
 from taskcal.cli import main
 from taskcal.identification.calibration import load_calibration
-from taskcal.report.content import Chart, Scene
+from taskcal.report.content import Chart, Viewer
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -37,7 +37,7 @@ def test_its_commands_run_and_make_the_figures_that_it_shows(
     names: list[str] = []
 
     def note(page, kind):
-        figures = [b for section in page.sections for b in section.blocks if isinstance(b, Chart | Scene)]
+        figures = [b for section in page.sections for b in section.blocks if isinstance(b, Chart | Viewer)]
         names.extend(f"{figure_files.figures_of(page)[figure.title]}.{kind}" for figure in figures)
         return {}
 

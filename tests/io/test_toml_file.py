@@ -16,12 +16,12 @@ from taskcal.io.codec import schema_of
 from taskcal.io.toml_file import (
     PLAIN,
     Direction,
+    FileSection,
     Finite,
     HalfTurn,
     NotNegative,
     Positive,
     Quaternion,
-    Section,
     Sign,
     Stiffness,
     _sections,
@@ -36,11 +36,11 @@ from taskcal.task.task import TaskFile
 STATION, CELL = (schema_of(kind, brief=True) for kind in (Station, CellFile))
 
 
-class Small(Section):
+class Small(FileSection):
     a: float = 0.0
 
 
-class Bounded(Section):
+class Bounded(FileSection):
     finite: Finite = 0.0
     positive: Positive = 1.0
     not_negative: NotNegative = 0.0
@@ -297,7 +297,7 @@ def test_a_wrong_entry_is_not_said_to_be_lacking_as_well(value):
     assert explain(caught.value, TaskFile) == "workspace, orientation: has no entries; give 1 or more"
 
 
-def headers(schema: type[Section], within: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], bool]]:
+def headers(schema: type[FileSection], within: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], bool]]:
     """Places of the sections of a schema that stand under no list, and whether each is one of a list."""
     out: list[tuple[tuple[str, ...], bool]] = []
     for name, field in schema.model_fields.items():

@@ -14,7 +14,7 @@ from taskcal.live.devices import Instrument, Shot
 from taskcal.live.hand import Hand
 from taskcal.live.journal import Journal, Row
 from taskcal.live.program import NAMED_ROWS, Program, ProgramRunner
-from taskcal.live.runner import Answer, Outcome, Question, RunEvent
+from taskcal.live.runner import Answer, Ending, Question, RunEvent
 from taskcal.live.steering import Steering
 from taskcal.live.stillness import Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -53,7 +53,7 @@ class Session:
         rules = Rules(shots=1 if by_hand else 3, beam_s=3.0)
         self.taker = Taker(controller=controller, instrument=instrument, rules=rules)
 
-    def run(self) -> Outcome:
+    def run(self) -> Ending:
         with closing(self.journal):
             return ProgramRunner(
                 steering=Steering(self.aim, self.journal),

@@ -13,7 +13,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.clearance import Box
 from taskcal.live.devices import Controller, DeviceError, JointReading, Shot
 from taskcal.live.journal import Journal
-from taskcal.live.runner import FIRST_SPEED_SHARE, Answer, Mover, Outcome, Question, RunEvent, Runner
+from taskcal.live.runner import FIRST_SPEED_SHARE, Answer, Ending, Mover, Question, RunEvent, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import MissedError, Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -53,7 +53,7 @@ class Session:
             now=lambda: 0.0,
         )
 
-    def run(self) -> Outcome:
+    def run(self) -> Ending:
         """Measure, and let others go on with the campaign."""
         with closing(self.journal):
             return self.runner.run()

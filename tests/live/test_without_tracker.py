@@ -14,7 +14,7 @@ from taskcal.geometry import se3
 from taskcal.live.devices import DeviceError
 from taskcal.live.hand import Hand, HandReadings
 from taskcal.live.journal import Journal, Row
-from taskcal.live.runner import Answer, Outcome, Question, RunEvent, Runner
+from taskcal.live.runner import Answer, Ending, Question, RunEvent, Runner
 from taskcal.live.steering import Aim, Steering
 from taskcal.live.stillness import SEATED_WITHIN, MissedError, Rules, Taker
 from taskcal.live.virtual import VirtualController, VirtualTracker
@@ -78,7 +78,7 @@ class Session:
         self.steering = Steering(aim, self.journal)
         self.runner = Runner(steering=self.steering, taker=self.taker, tell=self._tell, ask=self._ask, now=lambda: 0.0)
 
-    def run(self) -> Outcome:
+    def run(self) -> Ending:
         """Measure, and let others go on with the campaign."""
         with closing(self.journal):
             return self.runner.run()
@@ -247,7 +247,7 @@ def test_a_landmark_in_a_wrist_sensor_is_fitted(tmp_path: Path) -> None:
     assert_as_expected(session, outcome)
 
 
-def assert_as_expected(session: Session, outcome: Outcome) -> None:
+def assert_as_expected(session: Session, outcome: Ending) -> None:
     assert outcome.state.budget is not None
     low, high = outcome.state.budget.interval
     assert low < high <= 2e-3

@@ -8,13 +8,13 @@ import pypdfium2 as pdfium
 import pytest
 
 from taskcal.report.chart import Axis, Figure, Panel, Series
-from taskcal.report.content import Chart, Scene, Section
-from taskcal.report.page import Page, draw_figures, find_browser
+from taskcal.report.content import Chart, Section, Viewer
+from taskcal.report.page import Report, draw_figures, find_browser
 from tests.pages.printed import share_drawn
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 
-PAGE = Page(
+PAGE = Report(
     title="figures",
     sections=(
         Section(
@@ -23,7 +23,7 @@ PAGE = Page(
                 "a chart",
                 Figure(panels=(Panel(x=Axis(), y=Axis(), series=(Series(kind="line", x=[1, 2, 3], y=[1, 4, 9]),)),)),
             ),
-            Scene(
+            Viewer(
                 title="in space",
                 layers=(
                     {

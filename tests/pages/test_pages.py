@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from taskcal.report.chart import Axis, Figure, Panel
-from taskcal.report.content import Chart, Scene, Section
-from taskcal.report.page import Page
+from taskcal.report.content import Chart, Section, Viewer
+from taskcal.report.page import Report
 from tests.pages.conftest import quiet_tab
 from tests.pages.made_pages import PAGES
 from tests.pages.printed import Printed, squeezed
@@ -101,10 +101,10 @@ def test_an_empty_figure_is_seen_to_be_empty(tmp_path: Path, tab: Any) -> None:
     """The test above would be worth nothing if it called everything drawn."""
     blocks = (
         Chart(title="nothing", figure=Figure(panels=(Panel(x=Axis(), y=Axis()),))),
-        Scene(title="nowhere", layers=()),
+        Viewer(title="nowhere", layers=()),
     )
     page = tmp_path / "empty.html"
-    page.write_text(Page(title="empty", sections=[Section("none", *blocks)]).html(), "utf-8")
+    page.write_text(Report(title="empty", sections=[Section("none", *blocks)]).html(), "utf-8")
     opened(tab, page)
     assert [there for _, there in tab.evaluate(DRAWN)] == [False, False]
 

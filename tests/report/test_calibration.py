@@ -33,7 +33,7 @@ from taskcal.report.calibration import (
     tabulate_outliers,
     verdict,
 )
-from taskcal.report.content import Chart, Table
+from taskcal.report.content import Chart, TextTable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import reach_task
@@ -360,5 +360,5 @@ def test_residual_analysis_section_names_significant_quantities(fitted: tuple[Ca
     assert "position of J3, by the turn of J3" in words
     assert "move as one body" in words
     assert sum(isinstance(block, Chart) for block in section.blocks) == 2
-    table = next(block for block in section.blocks if isinstance(block, Table))
+    table = next(block for block in section.blocks if isinstance(block, TextTable))
     assert len(table) == len(found.explained)

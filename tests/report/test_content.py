@@ -11,8 +11,8 @@ from taskcal.report.content import (
     Column,
     Numbers,
     Section,
-    Table,
     Text,
+    TextTable,
     decimals_of,
     fold,
     lay_out_facts,
@@ -166,7 +166,7 @@ def test_table_of_columns_formats_and_omits_values() -> None:
         Column("rotation mrad", "r", ".3f", optional=True),
         Column("double", lambda row: 2 * row["n"], ".1f"),
     )
-    table = Table.of("errors", columns, rows)
+    table = TextTable.of("errors", columns, rows)
     assert table.header == ("name", "error mm", "points", "double")
     assert table.rows == (("a", "0.000", "3", "6.0"), ("b", "–", "4", "8.0"), ("c", "–", "5", "10.0"))
     assert table.text_columns == (0,)
@@ -184,6 +184,6 @@ def test_rows_by_headings_are_groups_under_one_header() -> None:
         Column("empty", "empty", optional=True),
     )
     rows = {"first": [{"name": "a", "size": 1.0, "empty": ""}], "second": [{"name": "b"}]}
-    table = Table.of("both", columns, rows)
+    table = TextTable.of("both", columns, rows)
     assert table.header == ("name", "size")
     assert table.groups == (("first", (("a", "1.0"),)), ("second", (("b", "–"),)))

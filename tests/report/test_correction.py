@@ -15,7 +15,7 @@ from taskcal.correction.correct import correct
 from taskcal.correction.correction import Correction
 from taskcal.identification.identify import identify
 from taskcal.report import correction
-from taskcal.report.content import Scene
+from taskcal.report.content import Viewer
 from taskcal.report.correction import (
     MIN_DRAWN_MM,
     draw_errors,
@@ -52,7 +52,7 @@ def corrected() -> Correction:
 
 
 @pytest.fixture(scope="module")
-def scene(corrected: Correction) -> Scene:
+def scene(corrected: Correction) -> Viewer:
     return draw_program(corrected)
 
 
@@ -123,7 +123,7 @@ def test_words_of_a_correction_are_its_figures(corrected: Correction) -> None:
     assert f"{share:.0%} is {worst}" in state_uncertain(summary)
 
 
-def test_program_scene_has_every_target(scene: Scene) -> None:
+def test_program_scene_has_every_target(scene: Viewer) -> None:
     _, layer = scene.layers
     drawn = np.array(layer["at"])
     assert np.isfinite(drawn).all()
@@ -131,7 +131,7 @@ def test_program_scene_has_every_target(scene: Scene) -> None:
         assert np.abs(drawn - point).max(axis=1).min() < 0.051
 
 
-def test_program_scene_colours_are_errors(scene: Scene) -> None:
+def test_program_scene_colours_are_errors(scene: Viewer) -> None:
     _, layer = scene.layers
     values = np.array(layer["values"])
     assert (layer["least"], layer["most"]) == (0.0, pytest.approx(values.max(), abs=1e-5))

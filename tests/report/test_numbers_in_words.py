@@ -11,7 +11,7 @@ from taskcal.observations import Point
 from taskcal.planning.plan import Plan
 from taskcal.planning.study import Study
 from taskcal.report.calibration import describe_coverage, describe_held_out, verdict
-from taskcal.report.content import Facts, Table
+from taskcal.report.content import Facts, TextTable
 from taskcal.report.plan import plan_page
 from taskcal.report.study import MAX_REASONS, MAX_ROBOTS, describe_failed
 from taskcal.robot.catalogue import load_robot
@@ -110,7 +110,7 @@ def test_the_page_of_a_plan_has_its_numbers_in_millimetres_and_degrees() -> None
     assert said["model error"] == [0.01]
     np.testing.assert_allclose(said["single pose"][0], made.expected_at_a_pose * 1e3, atol=5.1e-4)
     assert said["candidates"] == [77, 5]
-    expected, by_count, poses = (block for block in blocks if isinstance(block, Table))
+    expected, by_count, poses = (block for block in blocks if isinstance(block, TextTable))
     assert [row[1] for row in expected.rows] == ["0.123", "0.300", "0.321", "1.000"]
     assert [numbers(row[2]) for row in expected.rows] == [[], [0.2, 0.4], [], []]
     assert [(int(row[0]), float(row[1])) for row in by_count.rows] == [(2, 0.15)]

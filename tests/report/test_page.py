@@ -5,8 +5,8 @@ from html.parser import HTMLParser
 
 from taskcal.identification.calibration import package_version
 from taskcal.report.chart import Axis, Figure, Panel, Series
-from taskcal.report.content import Chart, Commands, Numbers, Points, Scene, Section, Table
-from taskcal.report.page import Page, figures_of
+from taskcal.report.content import Bullets, Chart, Commands, Numbers, Section, TextTable, Viewer
+from taskcal.report.page import Report, figures_of
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 
@@ -49,18 +49,18 @@ def _figure(text: str) -> Figure:
 
 
 def sections_of_everything(text: str) -> list[Section]:
-    table = Table.of_rows(text, (text, "b"), [(text, "1"), ("y", "2")], note=text)
-    folded = Table(title=text, header=("a",), groups=((text, ((text,),)),), folded=True)
+    table = TextTable.of_rows(text, (text, "b"), [(text, "1"), ("y", "2")], note=text)
+    folded = TextTable(title=text, header=("a",), groups=((text, ((text,),)),), folded=True)
     chart = Chart(title=text, figure=_figure(text), note=text)
-    return [Section(text, text, Points(text), Numbers((text, "µm", text)), Commands(text), table, folded, chart)] * 3
+    return [Section(text, text, Bullets(text), Numbers((text, "µm", text)), Commands(text), table, folded, chart)] * 3
 
 
 def html_of(words: str, sections: list[Section]) -> str:
-    return Page(title=words, sections=sections, lead=words, source=words).html()
+    return Report(title=words, sections=sections, lead=words, source=words).html()
 
 
 def test_page_is_well_formed_and_self_contained() -> None:
-    page = Page(title="A report", sections=sections_of_everything("words"), lead="Lead.", source="seed 3")
+    page = Report(title="A report", sections=sections_of_everything("words"), lead="Lead.", source="seed 3")
     read = outline(page.html())
     assert read.addresses == ["#part-1", "#part-2", "#part-3"]
     assert {"A report", "Lead.", f"Taskcal {package_version()}; seed 3.", "words"} <= {t.strip() for t in read.text}
@@ -89,5 +89,5 @@ def test_page_is_reproducible() -> None:
 
 
 def test_figures_are_named_in_order_by_their_titles() -> None:
-    section = Section("a", Chart("words", _figure("words")), Scene(title="in space"))
-    assert list(figures_of(Page(title="a", sections=(section,))).values()) == ["01-words", "02-in-space"]
+    section = Section("a", Chart("words", _figure("words")), Viewer(title="in space"))
+    assert list(figures_of(Report(title="a", sections=(section,))).values()) == ["01-words", "02-in-space"]

@@ -5,13 +5,13 @@ import pytest
 
 from taskcal.analysis.identifiability import published_kept
 from taskcal.cli.output import show
-from taskcal.report.content import Table
+from taskcal.report.content import TextTable
 from taskcal_demo import procedure_report as tables
 from taskcal_demo.procedure import ONE, SEVERAL, Procedure
 from taskcal_demo.procedure_report import procedure_page, summary_points
 
 
-def rows_of(table: Table) -> list[tuple[str, ...]]:
+def rows_of(table: TextTable) -> list[tuple[str, ...]]:
     rows = [row for _, group in table.groups for row in group]
     assert all(len(row) == len(table.header) for row in rows)
     assert len(table) == len(rows)

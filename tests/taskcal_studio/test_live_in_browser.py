@@ -16,7 +16,7 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.default_task import default_task, task_text
 from taskcal.task.task import load_task, reach_task
-from taskcal_studio.pages.live_page import Measured, arguments_of, draw_curve, facts_of
+from taskcal_studio.pages.live_page import RunProgress, arguments_of, draw_curve, facts_of
 from taskcal_studio.project import Project
 from taskcal_studio.texts import Texts
 from tests.taskcal_studio.conftest import open_tab, served, server_of
@@ -48,7 +48,7 @@ def test_a_page_reads_lines_as_the_command_writes_them() -> None:
     """Rows that come twice, as after going on, count once; a half-written last line not at all."""
     pose = json.dumps({"go_to": {"J1_deg": 1.0}, "number": 14, "purpose": "kept-out", "error_after_mm": 0.14})
     lines = [state(12, None), state(13, 0.2), state(13, 0.15), '{"measured": 13, "shots": 3, "scatter_mm": 0.02}', pose]
-    measured = Measured.of([*lines, '{"rows": 14, "expec'])
+    measured = RunProgress.of([*lines, '{"rows": 14, "expec'])
     assert (list(measured.known), measured.last) == ([12, 13], json.loads(lines[2]))
     told = dict(facts_of(measured, measured.known[13], Texts("de")))
     assert told["Erwarteter Fehler über die Aufgabe"] == "0,1500 mm (95 %: 0,1350 bis 0,1800 mm)"
@@ -73,11 +73,11 @@ def test_only_what_is_stated_is_an_option_and_nothing_drives(project: Project) -
 
 def test_a_question_waits_until_it_is_answered() -> None:
     question = '{"question": "moved?", "answers": ["again", "stop"], "said": {"template": "moved?", "values": {}}}'
-    asked = Measured.of([question]).question
+    asked = RunProgress.of([question]).question
     assert asked is not None
     assert asked["answers"] == ["again", "stop"]
-    assert Measured.of([question, '{"answered": "again"}']).question is None
-    left = Measured.of(['{"left": ["3", "5-kept-out"], "error_after_mm": 0.1, "error_after_all_mm": 0.05}'])
+    assert RunProgress.of([question, '{"answered": "again"}']).question is None
+    left = RunProgress.of(['{"left": ["3", "5-kept-out"], "error_after_mm": 0.1, "error_after_all_mm": 0.05}'])
     told = dict(facts_of(left, json.loads(state(13, 0.2)), Texts("en")))
     assert (told["Expected after the best pose left"], told["Expected after all poses left"]) == (
         "0.1000 mm",

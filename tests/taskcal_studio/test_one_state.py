@@ -18,7 +18,7 @@ from taskcal.task.task import load_task
 from taskcal_groundwork.said import term
 from taskcal_studio.pages import program_page, report_page
 from taskcal_studio.project import LAYOUT, Choices, Project, begin_example
-from taskcal_studio.results import State, contents, corrected_of, made, result_of, steps_of
+from taskcal_studio.results import StepStatus, contents, corrected_of, made, result_of, steps_of
 from taskcal_studio.texts import Texts
 from taskcal_studio.verdict import latest
 from tests.laws.calibrations import calibrated
@@ -163,7 +163,7 @@ def test_an_override_holds_for_one_run_and_is_on_page_and_certificate(
     assert plainly["verdict"]["override"] is None
     result = correct(project, capsys, "--accept-uncertain")
     assert result["written"]
-    assert steps_of(project)["program"].state is State.overridden
+    assert steps_of(project)["program"].state is StepStatus.overridden
     why = result["verdict"]["override"]["why"]
     run(capsys, *report_page.arguments_of(project))
     for path in (*report_page.reports_of(project), result["report"]):

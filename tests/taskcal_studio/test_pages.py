@@ -23,7 +23,7 @@ from taskcal.planning.plan import Plan
 from taskcal.reading.reader import read_campaign
 from taskcal.reading.writer import write_campaign, write_joints
 from taskcal.report.calibration import calibration_sections
-from taskcal.report.content import Table
+from taskcal.report.content import TextTable
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import load_task, reach_task
@@ -591,7 +591,7 @@ def test_a_result_shows_the_calibration_s_own_errors(worked) -> None:
             at = list(calibration.ids).index(row[0]), calibration.targets.index(row[1])
             np.testing.assert_allclose([float(v) for v in row[2:5]], calibration.residuals[at][:3] * 1e3, atol=6e-5)
         said = [block for section in calibration_sections(calibration) for block in section.blocks]
-        for table in (one for one in said if isinstance(one, Table)):
+        for table in (one for one in said if isinstance(one, TextTable)):
             shown = [[cell.replace("−", "-") for cell in row] for row in tables[table.title]]
             assert shown == [[cell.replace("−", "-") for cell in row] for row in (table.header, *table.rows)]
         means = {row[0]: numbers(" ".join(row[1:])) for row in tables["Position error of held-out rows"][1:]}

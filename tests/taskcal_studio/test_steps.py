@@ -16,7 +16,7 @@ from nicegui import ui
 from taskcal_studio.project import LAYOUT, Project
 from taskcal_studio.results import (
     MADE_FROM,
-    State,
+    StepStatus,
     changed_since,
     contents,
     corrected_of,
@@ -80,16 +80,16 @@ def whole(tmp_path: Path) -> Project:
 
 def test_a_new_project_asks_for_a_robot_before_all_else(tmp_path: Path) -> None:
     steps = steps_of(Project(tmp_path))
-    assert steps["robot"].state is State.needed
-    assert {step.because[0] for step in steps.values() if step.state is State.impossible} == {"robot", "identify"}
+    assert steps["robot"].state is StepStatus.needed
+    assert {step.because[0] for step in steps.values() if step.state is StepStatus.impossible} == {"robot", "identify"}
     assert {next_step(steps, page) for page in steps} == {"robot"}
 
 
 def test_nothing_is_open_where_all_was_made_from_what_is_there(whole: Project) -> None:
     steps = steps_of(whole)
-    assert {page: step.state for page, step in steps.items()} == dict.fromkeys(steps, State.done) | {
-        "weight": State.optional,
-        "live": State.optional,
+    assert {page: step.state for page, step in steps.items()} == dict.fromkeys(steps, StepStatus.done) | {
+        "weight": StepStatus.optional,
+        "live": StepStatus.optional,
     }
     pages = list(steps)
     assert [next_step(steps, page) for page in pages] == [*pages[1:], ""]
@@ -104,20 +104,20 @@ def test_a_change_is_named_until_the_content_is_back(whole: Project, folder: str
         former = (whole.folder / CONTENTS[role]).read_text()
         put(whole, CONTENTS[role], "# other\n")
     step = steps_of(whole)[page]
-    assert step.state is State.outdated
+    assert step.state is StepStatus.outdated
     assert role in step.because
     whole.choose(robot=before.robot)
     if role != "robot":
         put(whole, CONTENTS[role], former)
         os.utime(whole.folder / CONTENTS[role], (0, 0))
-    assert steps_of(whole)[page].state is State.done
+    assert steps_of(whole)[page].state is StepStatus.done
 
 
 def test_what_follows_from_an_outdated_fit_is_outdated(whole: Project) -> None:
     put(whole, FILES["campaign"], "other")
     steps = steps_of(whole)
     for page in ("identify", "result", "program", "report"):
-        assert (page, steps[page].state, steps[page].because) == (page, State.outdated, ("campaign",))
+        assert (page, steps[page].state, steps[page].because) == (page, StepStatus.outdated, ("campaign",))
     assert next_step(steps, "report") == "identify"
 
 
@@ -133,7 +133,7 @@ def test_a_program_that_cannot_be_corrected_holds_nobody_up(whole: Project) -> N
 def test_same_content_under_another_name_changes_nothing(whole: Project) -> None:
     put(whole, "campaigns/b.csv", "")
     whole.choose(campaign="campaigns/b.csv")
-    assert steps_of(whole)["identify"].state is State.done
+    assert steps_of(whole)["identify"].state is StepStatus.done
 
 
 def test_the_table_that_a_task_names_is_part_of_it(whole: Project) -> None:
@@ -147,11 +147,11 @@ def test_a_result_made_elsewhere_is_judged_by_its_own_record(whole: Project) -> 
     """A calibration that was written over by another program counts by the robot that it names; of others nothing is known."""
     robot = contents(whole)["robot"]
     put(whole, FILES["calibration"], json.dumps({"provenance": {"robot_digest": robot}}))
-    assert steps_of(whole)["identify"].state is State.done
+    assert steps_of(whole)["identify"].state is StepStatus.done
     put(whole, FILES["calibration"], json.dumps({"provenance": {"robot_digest": "other"}}))
     assert steps_of(whole)["identify"].because == ("robot",)
     put(whole, plan_of(whole.choices), "written over")
-    assert (steps_of(whole)["plan"].state, steps_of(whole)["plan"].because) == (State.outdated, ())
+    assert (steps_of(whole)["plan"].state, steps_of(whole)["plan"].because) == (StepStatus.outdated, ())
 
 
 @given(st.text(max_size=40))

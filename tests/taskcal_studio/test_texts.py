@@ -33,7 +33,7 @@ from taskcal.registration.registration import Method
 from taskcal.report import calibration as calibration_report
 from taskcal.report import camera, content, correction, plan, verdict
 from taskcal.report.calibration import calibration_sections, say_option
-from taskcal.report.content import Chart, Facts, Numbers, Points, Section, Table, Text, moment
+from taskcal.report.content import Bullets, Chart, Facts, Numbers, Section, Text, TextTable, moment
 from taskcal.report.page import ReportHeader
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -219,11 +219,11 @@ def spoken_in(section: Section) -> Iterator[str]:
     """Every text of a section."""
     yield section.title
     for block in section.blocks:
-        if isinstance(block, Table):
+        if isinstance(block, TextTable):
             yield from (block.title, *block.header, *(cell for row in block.rows for cell in row), block.note)
         elif isinstance(block, Text):
             yield block.words
-        elif isinstance(block, Points):
+        elif isinstance(block, Bullets):
             yield from block.items
         elif isinstance(block, Facts):
             yield from (text for item in block.items for text in item)

@@ -15,7 +15,7 @@ from typer.core import TyperCommand
 from taskcal.cli.output import show_log
 from taskcal.cli.run import Result, Run
 from taskcal.errors import shown
-from taskcal_groundwork.options import OPTION, Option, OptionError, Stated, Written, options_of, stated
+from taskcal_groundwork.options import OPTION, Option, OptionError, StatedOption, Written, options_of, stated
 
 # What is wrong with an option's value, in users' words: the parser of options says it in those of its validator.
 
@@ -198,8 +198,8 @@ def laid_out(command: Callable[..., Result | None], called: str = "") -> Callabl
         ValueError: two options have one name.
     """
     hints = get_type_hints(command, include_extras=True)
-    places: dict[str, Stated] = {}
-    groups: dict[str, tuple[Callable[..., Any], dict[str, Stated]]] = {}
+    places: dict[str, StatedOption] = {}
+    groups: dict[str, tuple[Callable[..., Any], dict[str, StatedOption]]] = {}
     told: dict[str, tuple[str, ...]] = {}
     takers = [name for name, hint in hints.items() if hint is Run]
     for name, parameter in signature(command).parameters.items():
@@ -269,16 +269,16 @@ def _annotated(hint: Any) -> tuple[Any, Mapping[str, Any], Told]:
     return kind, begun, next((one for one in more if isinstance(one, Told)), Told())
 
 
-def _single(name: str, hint: Any, default: Any) -> Stated:
+def _single(name: str, hint: Any, default: Any) -> StatedOption:
     """An option that is a command's alone: its type is annotated with what is declared, or its default is a field that has it."""
     declared = None
     if isinstance(default, Field):
         declared, default = default.metadata[OPTION], default.default
     default = MISSING if default is Parameter.empty else default
-    return stated(name, hint, default, declared) or cast(Stated, stated(name, hint, default, Option()))
+    return stated(name, hint, default, declared) or cast(StatedOption, stated(name, hint, default, Option()))
 
 
-def _parameter(name: str, one: Stated) -> Parameter:
+def _parameter(name: str, one: StatedOption) -> Parameter:
     """A parameter as Typer takes it. A file is looked at by its reader alone, which reports what is wrong with it."""
     own, default = one.option, Parameter.empty if one.default is MISSING else one.written(one.default)
     names = () if own.argument else (f"--{one.name}", *filter(None, [own.also]))

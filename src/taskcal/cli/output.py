@@ -20,16 +20,16 @@ from taskcal.io.files import write_whole
 from taskcal.io.json_file import parse_json
 from taskcal.report.content import (
     Block,
+    Bullets,
     Chart,
     Commands,
     Facts,
+    NextStep,
     Numbers,
-    Points,
-    Scene,
     Section,
-    Step,
-    Table,
     Text,
+    TextTable,
+    Viewer,
     fold,
     lay_out_facts,
     lay_out_table,
@@ -120,27 +120,27 @@ def show_sections(sections: Iterable[Section]) -> None:
     for section in sections:
         begins = True
         for kind, blocks in groupby(section.blocks, type):
-            for block in [_in_one(blocks)] if kind is Step else blocks:
-                if isinstance(block, Chart | Scene) or (isinstance(block, Facts) and not block.items):
+            for block in [_in_one(blocks)] if kind is NextStep else blocks:
+                if isinstance(block, Chart | Viewer) or (isinstance(block, Facts) and not block.items):
                     continue
-                if below and (begins or isinstance(block, Table)):
+                if below and (begins or isinstance(block, TextTable)):
                     tell()
                 _show_block(block)
-                below, begins = not isinstance(block, Table), False
+                below, begins = not isinstance(block, TextTable), False
 
 
 def _in_one(steps: Iterable[Block]) -> Facts:
     """Steps as labelled lines."""
-    words = [step.words for step in steps if isinstance(step, Step)]
+    words = [step.words for step in steps if isinstance(step, NextStep)]
     return Facts(*(("" if number else "next", text) for number, text in enumerate(words)))
 
 
 def _show_block(block: Block) -> None:
-    if isinstance(block, Table):
+    if isinstance(block, TextTable):
         show(block)
     elif isinstance(block, Text):
         say(block.words)
-    elif isinstance(block, Points):
+    elif isinstance(block, Bullets):
         show_facts(("•", item) for item in block.items)
     elif isinstance(block, Numbers):
         show_facts((f"{value} {unit}".strip(), what) for value, unit, what in block.items)
@@ -150,7 +150,7 @@ def _show_block(block: Block) -> None:
         tell(block.lines)
 
 
-def show(table: Table) -> None:
+def show(table: TextTable) -> None:
     """Print a table, the same that a page shows, with its columns of words set flush left, and an empty line."""
     clear_line()
     width = line_width()

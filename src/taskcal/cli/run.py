@@ -29,10 +29,10 @@ from taskcal.errors import FileError
 from taskcal.io.files import Laid, finish_writing, to_bytes, write_all
 from taskcal.report.content import Facts, Section
 from taskcal_groundwork.files import elsewhere_on_windows
-from taskcal_groundwork.options import Option, Stated
+from taskcal_groundwork.options import Option, StatedOption
 
 if TYPE_CHECKING:
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 # What a command gives.
 
@@ -60,7 +60,7 @@ class Result:
     sections: Callable[[], Sequence[Section]] = list[Section]
     """What people read, before what was written; made where it is printed, for the libraries of figures take a while."""
     files: Sequence[File] = ()
-    page: "Callable[[], Page] | None" = None
+    page: "Callable[[], Report] | None" = None
     """Makes the page, where one is asked for."""
     failed: bool | str = False
     """Whether the exit status is 1, or the error that is why."""
@@ -85,7 +85,7 @@ class OutputOptions:
     def check(self) -> None:
         """Check what a page needs beside its files."""
 
-    def compose(self, page: "Page") -> dict[Path, str | bytes]:
+    def compose(self, page: "Report") -> dict[Path, str | bytes]:
         """The files of a page."""
         return {}
 
@@ -130,7 +130,7 @@ class Run:
     _begin: Callable[[str], None] = field(default=lambda _: None)
 
     @classmethod
-    def begin(cls, command: str, options: Iterable[tuple[Stated, Any]], given: Iterable[Any]) -> "Run":
+    def begin(cls, command: str, options: Iterable[tuple[StatedOption, Any]], given: Iterable[Any]) -> "Run":
         """Begin a run, before anything is computed.
 
         Args:

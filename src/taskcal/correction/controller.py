@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import GradedPosture, Language, Motion, Posture, Program, Target
 from taskcal.correction.cell import Cell
-from taskcal.correction.path import Placed, RoundedCorners, RoundedPath, Segments, find_corners
+from taskcal.correction.path import PlacedMotions, RoundedCorners, RoundedPath, Segments, find_corners
 from taskcal.errors import FileError, ReachError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ANY_MISS, conditioning, find_postures, freedom_of, solve_near
@@ -273,7 +273,7 @@ class ControllerTrajectory:
     q: Float[np.ndarray, "k joints"]
     """Joint positions there, radians."""
 
-    def path_on(self, placed: Placed, motions: Sequence[Motion]) -> RoundedPath:
+    def path_on(self, placed: PlacedMotions, motions: Sequence[Motion]) -> RoundedPath:
         """The path that the program asks for on some robot, its corners rounded as here."""
         own = self.segments
         wanted = placed.segments(motions, own.end, own.via, np.isfinite(self.end[:, 0]))
@@ -350,7 +350,7 @@ class _Simulation:
     ):
         self.robot, self.motions, self.near, self.corrects = robot, motions, near, corrects
         self.model = ErrorModel(robot)
-        self.nominal = Placed.nominal(robot, motions)
+        self.nominal = PlacedMotions.nominal(robot, motions)
         m, joints = len(motions), len(robot.joints)
         self.start, self.end = np.full((m, joints), np.nan), np.full((m, joints), np.nan)
         self.rejected = refused

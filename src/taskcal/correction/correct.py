@@ -37,7 +37,7 @@ from taskcal.correction.controller import (
 from taskcal.correction.correction import SHARE_OF_UNCERTAINTY, TOLERANCE, Correction, assess, budget_of
 from taskcal.correction.frames import FrameCalibration, Uncertainty, frames_on, place_motions, uncertainty_at
 from taskcal.correction.options import Bounds
-from taskcal.correction.path import Placed, RoundedPath
+from taskcal.correction.path import PlacedMotions, RoundedPath
 from taskcal.correction.run_time import SAME_M, helper_for
 from taskcal.correction.subdivision import CorrectionProblem, Subdivision, subdivide
 from taskcal.correction.tool_poses import solve_calibrated
@@ -613,7 +613,7 @@ class CorrectionRequest(Wanted):
     calibration: Calibration
     trajectory: ControllerTrajectory
     """The controller's, of the program."""
-    placed: Placed
+    placed: PlacedMotions
     path: RoundedPath
     uncertainty: Uncertainty
     subdivision: Subdivision
@@ -802,7 +802,7 @@ def _corrects_in(
 ) -> CorrectsIn:
     """What the corrections of motions' points are in several postures, in whichever direction drives turned last."""
     placed = place_motions(calibration, frames, number, None)
-    nominal = Placed.nominal(robot, motions)
+    nominal = PlacedMotions.nominal(robot, motions)
 
     def corrects(i: int, q: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, "k points 4 4"]:
         rows, points = np.full(len(q), i), list[np.ndarray]()

@@ -14,7 +14,7 @@ from robot_programs.reading import written_files
 from taskcal.correction.controller import ControllerTrajectory, JointMotion
 from taskcal.correction.frames import SOURCES, Uncertainty
 from taskcal.correction.options import Bounds
-from taskcal.correction.path import Placed, RoundedPath
+from taskcal.correction.path import PlacedMotions, RoundedPath
 from taskcal.errors import FileError, shortened
 from taskcal.geometry import se3
 from taskcal.identification.measured_range import MeasuredRange
@@ -77,7 +77,7 @@ class Deviations:
 
 
 def assess(
-    placed: Placed,
+    placed: PlacedMotions,
     wanted: RoundedPath,
     trajectory: ControllerTrajectory,
     origin: Sequence[tuple[int, float, float]] | None = None,

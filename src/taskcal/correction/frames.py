@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from robot_programs.core.program import Motion
 from taskcal.correction.cell import Cell, Measured
 from taskcal.correction.controller import DriveDirections
-from taskcal.correction.path import Placed, Placement, distinct_frames
+from taskcal.correction.path import PlacedMotions, Placement, distinct_frames
 from taskcal.errors import TaskcalError
 from taskcal.estimation.matrices import root_of
 from taskcal.geometry import se3
@@ -635,7 +635,7 @@ def place_motions(
     frames: Sequence[FrameCalibration],
     number: Int[np.ndarray, " m"],
     directions: DriveDirections | None,
-) -> Placed:
+) -> PlacedMotions:
     """The motions on the robot as calibrated, each drive coming from its side where the model tells one from the other."""
 
     def tool_in_base(
@@ -644,7 +644,7 @@ def place_motions(
         return calibration.tool_in_base(q, None if directions is None else directions.at(move, share))
 
     placements = tuple(frame.placement for frame in frames)
-    return Placed(tool_in_base=tool_in_base, placements=placements, number=number)
+    return PlacedMotions(tool_in_base=tool_in_base, placements=placements, number=number)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

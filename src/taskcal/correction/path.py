@@ -140,7 +140,7 @@ class Placement:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Placed:
+class PlacedMotions:
     """The motions of a program on a robot, with where their tools and parts are."""
 
     tool_in_base: PosesAlong
@@ -149,7 +149,7 @@ class Placed:
     """Number of every motion's placement."""
 
     @classmethod
-    def nominal(cls, robot: Robot, motions: Sequence[Motion]) -> "Placed":
+    def nominal(cls, robot: Robot, motions: Sequence[Motion]) -> "PlacedMotions":
         """The motions on a robot as its controller knows it."""
         model, from_tool = ErrorModel(robot), se3.inverse(robot.T_flange_tool)
         examples, number = distinct_frames(motions)

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from robot_programs.core.program import Motion, Target
 from taskcal.correction.controller import ControllerTrajectory, DriveDirections
-from taskcal.correction.path import Placed, Segments
+from taskcal.correction.path import PlacedMotions, Segments
 from taskcal.correction.tool_poses import solve_calibrated
 from taskcal.identification.calibration import Calibration
 from taskcal.kinematics.inverse import solve_near
@@ -43,7 +43,7 @@ class CorrectionProblem:
     robot: Robot
     motions: Sequence[Motion]
     calibration: Calibration
-    placed: Placed
+    placed: PlacedMotions
     """On the robot as calibrated."""
     wanted: Segments
     trajectory: ControllerTrajectory
@@ -56,9 +56,9 @@ class CorrectionProblem:
     """To how much that may be widened where the program would grow too much, metres; not at all where it is less."""
 
     @cached_property
-    def nominal(self) -> Placed:
+    def nominal(self) -> PlacedMotions:
         """The motions on the robot as its controller knows it."""
-        return Placed.nominal(self.robot, self.motions)
+        return PlacedMotions.nominal(self.robot, self.motions)
 
     @cached_property
     def is_circular(self) -> Bool[np.ndarray, " m"]:

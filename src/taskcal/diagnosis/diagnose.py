@@ -35,7 +35,7 @@ from taskcal.diagnosis.search import (
     MIN_JUDGED_ROWS,
     MISTAKE_CHARGE,
     SOUND_SHARE,
-    Explanation,
+    Candidate,
     Progress,
     explain_in_pairs,
     explain_singly,
@@ -275,7 +275,7 @@ def _is_quick(campaign: Campaign) -> bool:
     return all(one.quick for one in campaign.observations)
 
 
-def explain_observed(case: Case, progress: Progress = silent) -> list[Explanation]:
+def explain_observed(case: Case, progress: Progress = silent) -> list[Candidate]:
     """Explanations by one mistake of joints or robot, and by two where one is not enough, the best first.
 
     Each is ranked by how far the registered nominal robot misses the observations, over how far it moved: joints that are too
@@ -300,21 +300,21 @@ def _together(a: Hypothesis, b: Hypothesis) -> bool:
     return (a.id, a.subject) != (b.id, b.subject) and (a.robot is None or b.robot is None)
 
 
-def _ranked(case: Case, combinations: Sequence[Sequence[Hypothesis]], progress: Progress) -> list[Explanation]:
-    out: list[Explanation] = []
+def _ranked(case: Case, combinations: Sequence[Sequence[Hypothesis]], progress: Progress) -> list[Candidate]:
+    out: list[Candidate] = []
     for number, combination in enumerate(combinations):
         progress(f"mistakes, {max(map(len, combinations))} at a time", number, len(combinations))
         out.append(_explanation(case, tuple(combination)))
     return sorted(out, key=lambda e: e.rank)
 
 
-def _explanation(case: Case, mistakes: tuple[Hypothesis, ...]) -> Explanation:
+def _explanation(case: Case, mistakes: tuple[Hypothesis, ...]) -> Candidate:
     # the robot first: joints are undone for whichever it is
     case = undone(case, sorted(mistakes, key=lambda s: s.robot is None))
     error, moved = _error(case, as_given=not mistakes)
     cost = sum(MISTAKE_CHARGE + s.cost for s in mistakes) + limits_charge(case)
     level = max(error, MIN_ERROR_M) / max(moved, MIN_ERROR_M)
-    return Explanation(mistakes=mistakes, case=case, error=error, rank=float(np.log(level)) + cost)
+    return Candidate(mistakes=mistakes, case=case, error=error, rank=float(np.log(level)) + cost)
 
 
 def tried_rows(campaign: Campaign) -> Int[np.ndarray, " k"]:
@@ -646,7 +646,7 @@ def _one_joint(campaign: Campaign, robot: Robot) -> Finding | None:
     )
 
 
-def _moved(found: list[Explanation], given: Explanation, before: float) -> Diagnosis | None:
+def _moved(found: list[Candidate], given: Candidate, before: float) -> Diagnosis | None:
     """The diagnosis, if the tracker or the base made a large move, beside a mistake that holds for all rows or none."""
     for best in dict.fromkeys((found[0], given)):
         local = find_large_move(best.case)
@@ -719,7 +719,7 @@ def _diagnose_observed(case: Case, scope: str, progress: Progress) -> Diagnosis:
     return Diagnosis(findings=(left,), robot=case.robot, campaign=case.campaign, unmended=(left.id,), scope=scope)
 
 
-def _without_needless(found: list[Explanation], case: Case) -> list[Explanation]:
+def _without_needless(found: list[Candidate], case: Case) -> list[Candidate]:
     """Explanations from the first on of which no geometry stands in for a mistake; the campaign as it is among them."""
     for k, explanation in enumerate(found):
         if all(_is_needed(mistake, explanation, case) for mistake in explanation.mistakes):
@@ -727,7 +727,7 @@ def _without_needless(found: list[Explanation], case: Case) -> list[Explanation]
     return [e for e in found if not e.mistakes]
 
 
-def _is_needed(mistake: Hypothesis, explanation: Explanation, case: Case) -> bool:
+def _is_needed(mistake: Hypothesis, explanation: Candidate, case: Case) -> bool:
     """Whether the geometry, free within its tolerances, predicts rows held out worse with a mistake of the joints or the robot."""
     if mistake.measured is not None:  # no geometry stands in for a unit, a frame or an order
         return True
@@ -744,7 +744,7 @@ def _fitted_distances(case: Case) -> Float[np.ndarray, " m"]:
     return fitted_distances(case, spread_rows(len(case.campaign), MAX_HELD_OUT_ROWS))
 
 
-def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, Local | None]:
+def _chosen(found: list[Candidate], given: Candidate) -> tuple[Candidate, Local | None]:
     """The best explanation, and what went wrong in its course; the campaign as it is, if that alone explains as much."""
     best = found[0]
     if best is given:
@@ -757,7 +757,7 @@ def _chosen(found: list[Explanation], given: Explanation) -> tuple[Explanation, 
 
 
 def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
-    """Rank, as of an `Explanation`, of a slip, move, drift or fault of rows.
+    """Rank, as of an `Candidate`, of a slip, move, drift or fault of rows.
 
     Rows that are left out are not explained, and which row belongs to which has to be said for each of them.
     """
@@ -769,11 +769,11 @@ def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
     return float(kept * np.log(level) + (1.0 - kept) * unexplained + pairing) + MISTAKE_CHARGE
 
 
-def _key(explanation: Explanation) -> frozenset[tuple[str, tuple[str, ...]]]:
+def _key(explanation: Candidate) -> frozenset[tuple[str, tuple[str, ...]]]:
     return frozenset((s.id, s.subject) for s in explanation.mistakes)
 
 
-def _written(found: list[Explanation], best: Explanation, given: Explanation, before: float) -> list[Finding]:
+def _written(found: list[Candidate], best: Candidate, given: Candidate, before: float) -> list[Finding]:
     """The mistakes of the best explanation, each with its share among all; the error before in the unit that is right."""
     before *= float(np.prod([mistake.size for mistake in best.mistakes]))
     return [
@@ -789,14 +789,14 @@ def _written(found: list[Explanation], best: Explanation, given: Explanation, be
     ]
 
 
-def _share(found: list[Explanation], best: Explanation, mistake: tuple[str, tuple[str, ...]]) -> float:
+def _share(found: list[Candidate], best: Candidate, mistake: tuple[str, tuple[str, ...]]) -> float:
     weights = {_key(e): float(np.exp(CONFIDENCE_POWER * (best.rank - e.rank))) for e in reversed(found)}
     total = sum(weights.values())
     with_it = sum(weight for key, weight in weights.items() if mistake in key)
     return float(min(with_it / total, 0.99))
 
 
-def _alternatives(found: list[Explanation], best: Explanation, given: Explanation, before: float) -> list[Finding]:
+def _alternatives(found: list[Candidate], best: Candidate, given: Candidate, before: float) -> list[Finding]:
     """Other explanations that fit nearly as well."""
     out: list[Finding] = []
     known = set(_key(best))

@@ -23,7 +23,7 @@ from taskcal.diagnosis.fits import (
 )
 from taskcal.diagnosis.hypotheses import Case, Finding, looked_for
 from taskcal.diagnosis.rows import Local, RowFault, find_row_fault, find_swapped
-from taskcal.diagnosis.search import MISTAKE_CHARGE, Explanation, held_out_error, rows_to_register, spread_rows, typical
+from taskcal.diagnosis.search import MISTAKE_CHARGE, Candidate, held_out_error, rows_to_register, spread_rows, typical
 from taskcal.estimation.ordered_rows import MIN_GAIN, Event, OrderedRows, find_event
 from taskcal.geometry import se3
 from taskcal.identification.checks.course import (
@@ -53,14 +53,14 @@ MIN_PART_ROWS = 6
 """Rows at least on either side of a large move, as many as one half of the rows needs to judge the other. A convention."""
 
 
-def find_drift_or_slip(explanation: Explanation) -> Local | None:
+def find_drift_or_slip(explanation: Candidate) -> Local | None:
     """The one thing that most likely went wrong in its course, if anything did, and the campaign without it."""
     found = _find_in_course(explanation)
     return _find_two_robots(explanation.case, found) or found
 
 
 @looked_for("drift", "target-slipped", "station-moved", "drift", "encoder-jumped", "clocks-apart")
-def _find_in_course(explanation: Explanation) -> Local | None:
+def _find_in_course(explanation: Candidate) -> Local | None:
     case = _followed(explanation.case)
     swapped = find_swapped(case)
     if swapped is not None:

@@ -84,7 +84,7 @@ MAX_MISTAKES = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Explanation:
+class Candidate:
     """Hypotheses that were undone together, and what is left."""
 
     mistakes: tuple[Hypothesis, ...]
@@ -113,7 +113,7 @@ def limits_charge(case: Case) -> float:
     return LIMITS_CHARGE * min(1.0, outside / LIMITS_SHARE)
 
 
-def explain_singly(case: Case, progress: Progress = silent) -> list[Explanation]:
+def explain_singly(case: Case, progress: Progress = silent) -> list[Candidate]:
     """Explanations by one mistake, the best first; without mistakes among them the campaign as it is."""
     return _compared(case, _tried(case, (), progress, pairs=False), progress)
 
@@ -123,12 +123,12 @@ def has_no_unit(case: Case) -> bool:
     return bool(list(unit_mistakes(case))) and bool(list(scale_mistakes(case)))
 
 
-def is_sound(explanation: Explanation) -> bool:
+def is_sound(explanation: Candidate) -> bool:
     """Whether so little is left that no further mistake needs to be looked for."""
     return explanation.error <= SOUND_SHARE * explanation.case.reach
 
 
-def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Explanation]:
+def explain_in_pairs(case: Case, progress: Progress = silent) -> list[Candidate]:
     """Explanations by two mistakes at a time, and by three where two are too few, the best first."""
     found = _compared(case, _tried(case, (), progress, pairs=True), progress)
     if len(found[0].mistakes) == MAX_MISTAKES - 1 and not is_sound(found[0]):
@@ -226,8 +226,8 @@ def _composed(combination: Combination, joints: int) -> JointMap:
     return out
 
 
-def _compared(case: Case, combinations: Iterable[Combination], progress: Progress) -> list[Explanation]:
-    out: list[Explanation] = []
+def _compared(case: Case, combinations: Iterable[Combination], progress: Progress) -> list[Candidate]:
+    out: list[Candidate] = []
     compared = ((), *(c for c in combinations if c))
     for number, combination in enumerate(compared):
         progress("the likeliest of them, on rows held out", number, len(compared))
@@ -235,7 +235,7 @@ def _compared(case: Case, combinations: Iterable[Combination], progress: Progres
         distances = held_out_distances(changed)
         error, level = float(np.median(distances)), typical(distances)
         rank = _rank(level, combination) + limits_charge(changed)
-        out.append(Explanation(mistakes=combination, case=changed, error=error, rank=rank))
+        out.append(Candidate(mistakes=combination, case=changed, error=error, rank=rank))
     out.sort(key=lambda e: e.rank)
     margin, best = out[0].rank + TRAITS_MARGIN, np.inf
     for k, e in enumerate(out):

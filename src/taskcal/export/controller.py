@@ -109,7 +109,7 @@ def fit_offsets(
     if not accept_uncertain:
         check_known(calibration, q, f"offsets for {len(q)} poses are not fitted")
     share = np.full(len(q), 1.0 / len(q)) if weights is None else weights / weights.sum()
-    fit = _Fit(model=ErrorModel(calibration.model.robot), q=q, goal=calibration.tool_in_base(q), weights=share)
+    fit = _OffsetFit(model=ErrorModel(calibration.model.robot), q=q, goal=calibration.tool_in_base(q), weights=share)
     start = _Offsets(joints=np.zeros(q.shape[1]), base=np.eye(4), tool=np.eye(4))
     frames, every = fit.solve(start, zeros=False), fit.solve(start, zeros=True)
     covariance = calibration.predict_covariance(q)[:, 0, :3, :3]
@@ -138,7 +138,7 @@ class _Offsets:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Fit:
+class _OffsetFit:
     """Nominal robot and goal."""
 
     model: ErrorModel

@@ -23,7 +23,7 @@ from taskcal.export.forms import (
     CalibratedChain,
     ChainJoint,
     Export,
-    Written,
+    WrittenChain,
     export_as,
     moved,
     poses_or_spread,
@@ -80,7 +80,7 @@ def links_of(robot: Robot) -> tuple[str, str]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Shape:
+class Mesh:
     """A mesh on a link."""
 
     file: Path
@@ -122,7 +122,7 @@ class Tree:
     tip_origin: Float[np.ndarray, "4 4"]
     warning: str = ""
     """What the file says above the robot, on one line."""
-    shapes: Mapping[str, Sequence[Shape]] = field(default_factory=dict[str, Sequence[Shape]])
+    shapes: Mapping[str, Sequence[Mesh]] = field(default_factory=dict[str, Sequence[Mesh]])
     """By link."""
     folder: Path = Path()
     """Where the file will be."""
@@ -222,13 +222,13 @@ def export_description(
     """
     shapes = {} if meshes is None else _shapes(calibration, str(meshes))
 
-    def write(chain: CalibratedChain) -> Written:
+    def write(chain: CalibratedChain) -> WrittenChain:
         return _written(chain, form, shapes, Path(folder))
 
     return export_as(NAMES[form], write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
 
-def _written(chain: CalibratedChain, form: Form, shapes: Mapping[str, Sequence[Shape]], folder: Path) -> Written:
+def _written(chain: CalibratedChain, form: Form, shapes: Mapping[str, Sequence[Mesh]], folder: Path) -> WrittenChain:
     remarks = dict[str, None]()
     unstated = [joint.name for joint in chain.robot.joints if not np.isfinite(joint.speed)]
     if form == "urdf" and unstated:
@@ -238,7 +238,7 @@ def _written(chain: CalibratedChain, form: Form, shapes: Mapping[str, Sequence[S
         said = f"every link has a mass of {MASS[0]} kg: a calibration tells none; set them before you simulate forces"
         remarks[said] = None
     text = _TEXTS[form](replace(Tree.of(chain), shapes=shapes, folder=folder), remarks)
-    return Written(text=text, poses=chain.poses, remarks=tuple(remarks))
+    return WrittenChain(text=text, poses=chain.poses, remarks=tuple(remarks))
 
 
 @checked
@@ -335,7 +335,7 @@ def export_samples(
 # Meshes of a URDF of the same robot.
 
 
-def _shapes(calibration: Calibration, source: str) -> dict[str, list[Shape]]:
+def _shapes(calibration: Calibration, source: str) -> dict[str, list[Mesh]]:
     """Meshes by the links of the tree, each where it is on the nominal robot.
 
     Raises:
@@ -356,11 +356,11 @@ def _shapes(calibration: Calibration, source: str) -> dict[str, list[Shape]]:
     at_zero = Tree.of(
         CalibratedChain.of_model(calibration.model.nominal, np.zeros(len(calibration.model.nominal)), q)
     ).at_zero
-    posed, shapes = looks.link_poses({}), dict[str, list[Shape]]()
+    posed, shapes = looks.link_poses({}), dict[str, list[Mesh]]()
     for visual in looks.visuals:
         link = _moves_with(looks, visual.link, at_zero)
         origin = se3.inverse(at_zero[link]) @ posed[visual.link] @ visual.origin
-        shapes.setdefault(link, []).append(Shape(file=_found(path, visual.file), scale=visual.scale, origin=origin))
+        shapes.setdefault(link, []).append(Mesh(file=_found(path, visual.file), scale=visual.scale, origin=origin))
     return shapes
 
 
@@ -663,7 +663,7 @@ def _xform(T: Float[np.ndarray, "4 4"], indent: str, scale: Sequence[float] | No
     ]
 
 
-def _usd_mesh(shape: Shape, number: int) -> list[str]:
+def _usd_mesh(shape: Mesh, number: int) -> list[str]:
     """The triangles of a mesh: USD refers to no files of other forms."""
     corners, index = np.unique(read_triangles(shape.file).reshape(-1, 3), axis=0, return_inverse=True)
     points = ", ".join(f"({x:.7g}, {y:.7g}, {z:.7g})" for x, y, z in corners)

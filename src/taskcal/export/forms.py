@@ -224,7 +224,7 @@ def poses_or_spread(calibration: Calibration, q: Float[np.ndarray, "n joints"] |
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Written:
+class WrittenChain:
     """A chain in some form, and the poses that it predicts."""
 
     text: str
@@ -237,7 +237,7 @@ class Written:
 
 def export_as(
     form: str,
-    write: Callable[[CalibratedChain], Written],
+    write: Callable[[CalibratedChain], WrittenChain],
     calibration: Calibration,
     q: Float[np.ndarray, "n joints"] | None,
     *,
@@ -356,7 +356,7 @@ PARALLEL_AXES = (0.0, 1.0, 1.0, 0.0, 0.0)
 """Of Universal Robots' arms: cosines between the axes of neighbouring joints; shoulder lift, elbow and wrist 1 are parallel."""
 
 
-def _ur_yaml(chain: CalibratedChain) -> Written:
+def _ur_yaml(chain: CalibratedChain) -> WrittenChain:
     written = _kinematics(chain, LINKS, "a UR", (f"  hash: taskcal_{chain.robot.digest}",))
     R = ErrorModel(chain.robot).poses(np.vstack([np.zeros(len(LINKS)), 0.1 * np.eye(len(LINKS))]))[:, :3, :3]
     axis = se3.log(R[1:] @ R[0].T) / 0.1
@@ -368,11 +368,11 @@ def _ur_yaml(chain: CalibratedChain) -> Written:
     return written
 
 
-def _xarm_yaml(chain: CalibratedChain) -> Written:
+def _xarm_yaml(chain: CalibratedChain) -> WrittenChain:
     return _kinematics(chain, _numbered(chain, "an xArm", "UFACTORY"), "an xArm")
 
 
-def _flexiv_yaml(chain: CalibratedChain) -> Written:
+def _flexiv_yaml(chain: CalibratedChain) -> WrittenChain:
     axes = "zyzyzyz"
     if len(chain.robot.joints) != len(axes):
         raise TaskcalError(f"{chain.robot.name} is not built like a Rizon, which has {len(axes)} joints")
@@ -405,7 +405,7 @@ def _kinematics(
     ending: tuple[str, ...] = (),
     axes: str = "",
     flange: str = "",
-) -> Written:
+) -> WrittenChain:
     """Place of each link in the one before.
 
     Args:
@@ -439,7 +439,7 @@ def _kinematics(
         keys = ("x", "y", "z", "roll", "pitch", "yaw")
         lines += [f"  {link}:", *(f"    {key}: {float(v) + 0.0!r}" for key, v in zip(keys, values, strict=True))]
         lines += ["    axis: 0 1 0"] * (axis == "y")
-    return Written(text="\n".join([*lines, *ending]) + "\n", poses=chain.poses, frames={"tool": tool})
+    return WrittenChain(text="\n".join([*lines, *ending]) + "\n", poses=chain.poses, frames={"tool": tool})
 
 
 def _origins(chain: CalibratedChain, axes: str) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "4 4"]]:
@@ -524,13 +524,13 @@ def export_dh(
         TaskcalError: the robot has prismatic or driven joints, or parts that no table holds; the message has the loss.
     """
 
-    def write(chain: CalibratedChain) -> Written:
+    def write(chain: CalibratedChain) -> WrittenChain:
         return _dh_table(chain, convention)
 
     return export_as("a table", write, calibration, q, accept_loss=accept_loss, accept_uncertain=accept_uncertain)
 
 
-def _dh_table(chain: CalibratedChain, convention: Literal["dh", "mdh"]) -> Written:
+def _dh_table(chain: CalibratedChain, convention: Literal["dh", "mdh"]) -> WrittenChain:
     robot = chain.robot
     if any(robot.prismatic) or robot.driven:
         kind = "prismatic" if any(robot.prismatic) else "driven"
@@ -550,7 +550,9 @@ def _dh_table(chain: CalibratedChain, convention: Literal["dh", "mdh"]) -> Writt
         for i in np.flatnonzero((twist > PARALLEL) & (twist < NEARLY_PARALLEL))
     )
     frames = {"base": table.base, "tool": table.tool}
-    return Written(text=_text(chain, table), poses=table.poses, frames=frames, remarks=remarks, lacking=tuple(lacking))
+    return WrittenChain(
+        text=_text(chain, table), poses=table.poses, frames=frames, remarks=remarks, lacking=tuple(lacking)
+    )
 
 
 def fit_table(chain: CalibratedChain, convention: Literal["dh", "mdh"], parallel: float = PARALLEL) -> DHForm:

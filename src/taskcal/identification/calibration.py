@@ -40,7 +40,7 @@ from taskcal.io.codec import (
 )
 from taskcal.io.files import write_whole
 from taskcal.io.json_file import note_of_edits, parse_json, without_seal
-from taskcal.io.toml_file import Finite, NotNegative, Ratio, Section
+from taskcal.io.toml_file import FileSection, Finite, NotNegative, Ratio
 from taskcal.kernels import walk
 from taskcal.observations import Observation, Point, Pose, block_size, kind_of
 from taskcal.registration.registration import Registration
@@ -1295,7 +1295,7 @@ def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None 
         return _calibration(setup, content, setup.model(effects))
 
 
-def _calibration(setup: Setup, content: Section, model: ErrorModel) -> Calibration:
+def _calibration(setup: Setup, content: FileSection, model: ErrorModel) -> Calibration:
     """The calibration of a setup, by the content of a file.
 
     Raises:

@@ -410,7 +410,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Outcome:
+class Posterior:
     """What a fit says of all parameters, tracker frame and targets."""
 
     layout: Layout
@@ -431,7 +431,7 @@ class Outcome:
     """What came of a sibling, if there is one."""
 
 
-def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
+def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Posterior:
     """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
     F, hyper = fit.posterior, fit.hyper
     from_errors = F @ _factor(fit.solution.information)  # a square, so that rounding leaves no variance under zero
@@ -440,7 +440,7 @@ def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
         k = len(fit.prior.sizes)
         from_prior = F[:, :k] @ _factor(fit.prior.precision(hyper.prior_factor)[:k, :k])
         C += (hyper.prior_widening - 1.0) * from_prior @ from_prior.T
-    return Outcome(
+    return Posterior(
         layout=whole,
         estimated=problem.layout.estimated,
         z=spread_out(fit.solution.z, problem.layout, whole),
@@ -452,7 +452,9 @@ def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Outcome:
     )
 
 
-def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstimate, hyper: Hyperparameters) -> Outcome:
+def consider(
+    fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstimate, hyper: Hyperparameters
+) -> Posterior:
     """The outcome of a fit of some parameters, the others considered.
 
     Args:
@@ -482,7 +484,7 @@ def consider(fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstima
     C = spread @ spread.T
     followed = fit.prediction_covariance @ W @ R
     own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
-    return Outcome(
+    return Posterior(
         layout=whole.layout,
         estimated=problem.layout.estimated,
         z=z,

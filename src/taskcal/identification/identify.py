@@ -20,7 +20,7 @@ from taskcal.identification.holdout import growth_of
 from taskcal.identification.hyperparameters import (
     MAX_ROUNDS,
     Fitted,
-    Outcome,
+    Posterior,
     consider,
     first_errors,
     fit_with_hyperparameters,
@@ -563,7 +563,7 @@ OPEN_ROTATION = 0.3
 smaller turns only (a turn by 0.3 moves points by 4 % along, beside 30 % across)."""
 
 
-def _check_rotation(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> None:
+def _check_rotation(fit: Fitted, outcome: Posterior, campaign: Campaign, options: FitOptions) -> None:
     """Refuse a fit whose rows leave the rotation of the tracker frame open.
 
     It is judged by all that the tolerances allow; under another prior, which may allow anything, for the parameters as they are.
@@ -597,7 +597,7 @@ def _describe_motion(campaign: Campaign, joints: tuple[str, ...]) -> str:
     return f"{said}, and the points lie within {' × '.join(f'{size * 1e3:.0f}' for size in np.ptp(along, axis=0))} mm"
 
 
-def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOptions) -> Calibration:
+def conclude(fit: Fitted, outcome: Posterior, campaign: Campaign, options: FitOptions) -> Calibration:
     """Everything that is reported, from the converged fit."""
     layout, has_prior = outcome.layout, options.prior is not None
     T_tracker_base, T_tool_target = layout.frames(outcome.z)
@@ -633,7 +633,7 @@ def conclude(fit: Fitted, outcome: Outcome, campaign: Campaign, options: FitOpti
     )
 
 
-def _remarks(fit: Fitted, outcome: Outcome, campaign: Campaign) -> tuple[str, ...]:
+def _remarks(fit: Fitted, outcome: Posterior, campaign: Campaign) -> tuple[str, ...]:
     """List what is unusual about a fit, in words."""
     out: list[str] = []
     layout, unknowns = outcome.layout, len(fit.solution.z)

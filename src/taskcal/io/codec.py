@@ -19,11 +19,11 @@ from pydantic import ValidationError, create_model, model_validator
 
 from taskcal.errors import FileError, TaskcalError
 from taskcal.io.json_file import SealedFile
-from taskcal.io.toml_file import Count, Finite, Flag, Section, explain, toml_of
+from taskcal.io.toml_file import Count, FileSection, Finite, Flag, explain, toml_of
 from taskcal_groundwork.options import UNITS
 
 T = TypeVar("T")
-Base = TypeVar("Base", bound=Section)
+Base = TypeVar("Base", bound=FileSection)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ def _kinds(kind: Any, entries: Sequence[Any]) -> tuple[Any, ...]:
 
 
 @cache
-def schema_of(kind: type, *, brief: bool = False, base: type[Base] = Section) -> type[Base]:
+def schema_of(kind: type, *, brief: bool = False, base: type[Base] = FileSection) -> type[Base]:
     """The section that a dataclass's fields are in a file, behind those of a base.
 
     Where the dataclass has a static method ``check_stated``, it is told what a file states, by key, and raises a ValueError where
@@ -141,7 +141,7 @@ def schema_of(kind: type, *, brief: bool = False, base: type[Base] = Section) ->
     }
     check = getattr(kind, "check_stated", None)
 
-    def see(section: Section) -> Section:
+    def see(section: FileSection) -> FileSection:
         cast(Any, check)({key: getattr(section, key) for key in section.model_fields_set})
         return section
 
@@ -276,7 +276,7 @@ def read_sealed(
         raise FileError(path, str(error)) from error
 
 
-class Marked(Section):
+class Marked(FileSection):
     """What a sealed file begins with."""
 
     format: str
@@ -284,7 +284,7 @@ class Marked(Section):
 
 
 @contextmanager
-def consistent(file: SealedFile, schema: type[Section]) -> Generator[None]:
+def consistent(file: SealedFile, schema: type[FileSection]) -> Generator[None]:
     """See that what a sealed file holds is as the schema wants it and goes together.
 
     Raises:
@@ -299,12 +299,14 @@ def consistent(file: SealedFile, schema: type[Section]) -> Generator[None]:
         raise TaskcalError(f"is inconsistent: {error}; {remedy}") from error
 
 
-def value_of(kind: type[T], section: Section, sizes: Mapping[str, int] | None = None, key: str = "") -> T:
+def value_of(kind: type[T], section: FileSection, sizes: Mapping[str, int] | None = None, key: str = "") -> T:
     """The value of a dataclass by its section in a file; arguments and errors as of `values_of`."""
     return kind(**values_of(kind, section, sizes, key))
 
 
-def values_of(kind: type, section: Section, sizes: Mapping[str, int] | None = None, key: str = "") -> dict[str, Any]:
+def values_of(
+    kind: type, section: FileSection, sizes: Mapping[str, int] | None = None, key: str = ""
+) -> dict[str, Any]:
     """The fields of a dataclass that a file has, by their section in it.
 
     Args:

@@ -23,7 +23,7 @@ SHOWN_MISTAKES = 40
 """Characters of a line in a message."""
 
 
-class Mistake(NamedTuple):
+class Fault(NamedTuple):
     """Place and remedy of one mistake."""
 
     line: int | None
@@ -50,7 +50,7 @@ class _Stop(NamedTuple):
         return (self.before + self.behind).partition("=")[0].strip()
 
 
-def find_mistake(error: str, text: str) -> Mistake:
+def find_mistake(error: str, text: str) -> Fault:
     """The mistake behind an error of the parser.
 
     Args:
@@ -59,7 +59,7 @@ def find_mistake(error: str, text: str) -> Mistake:
     """
     found = _PLACE.fullmatch(error)
     if found is None:
-        return Mistake(None, _OTHERWISE)
+        return Fault(None, _OTHERWISE)
     lines = text.split("\n")
     if found["line"]:
         number, column = int(found["line"]), int(found["column"])
@@ -70,7 +70,7 @@ def find_mistake(error: str, text: str) -> Mistake:
     stop = _Stop(line[: column - 1], _COMMENT.sub("", line[column - 1 :]))
     remedy = next((say(stop) for start, say in _REMEDIES.items() if found["what"].startswith(start)), _OTHERWISE)
     around = f"column {column} of '{shown(line.strip(), SHOWN_MISTAKES)}'" if line.strip() else f"column {column}"
-    return Mistake(number, f"{around}: {remedy}")
+    return Fault(number, f"{around}: {remedy}")
 
 
 _OTHERWISE = "write name = value lines, text in quotes, numbers with a point, lists in brackets, comments after #"
@@ -214,7 +214,7 @@ Quaternion = Annotated[tuple[Finite, Finite, Finite, Finite], AfterValidator(_of
 """A rotation, qx qy qz qw."""
 
 
-class Section(BaseModel):
+class FileSection(BaseModel):
     """A section of a file; a key it does not know is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -232,7 +232,7 @@ Python cannot free what it makes of 10⁵; of 20 parts the largest file takes 0.
 _ENDS = re.compile(r"([,=\[\]{}\n#])")
 """What a key stands between."""
 
-Schema = TypeVar("Schema", bound=Section)
+Schema = TypeVar("Schema", bound=FileSection)
 
 
 def read_toml(path: Path, schema: type[Schema]) -> Schema:

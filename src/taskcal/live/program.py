@@ -12,8 +12,8 @@ from taskcal.identification.calibration import residuals_on
 from taskcal.identification.identify import fit_nominal
 from taskcal.identification.options import FitOptions
 from taskcal.live.journal import Purpose, Row
-from taskcal.live.runner import Left, Outcome, RunEvent, Runner
-from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, State, Step, as_campaign
+from taskcal.live.runner import Ending, Left, RunEvent, Runner
+from taskcal.live.steering import KEPT_OUT_EVERY, MIN_KEPT_OUT, REFERENCE_EVERY, MeasurementPose, State, as_campaign
 from taskcal.live.stillness import MissedError, Rules, Taken
 from taskcal.reading.joints import no_joint, read_joints
 from taskcal.robot.robot import Robot
@@ -120,7 +120,7 @@ class ProgramRunner(Runner):
         if self._journal.rows:
             self._here, self._point = self._journal.rows[-1].joints, self._journal.rows[-1].point
 
-    def run(self) -> Outcome:
+    def run(self) -> Ending:
         """As `Runner.run`, until every pose of the program is measured at the latest."""
         out = int(self.program.ids_for("kept-out").sum())
         if self.steering.aim.tolerance is not None and out < MIN_KEPT_OUT:
@@ -141,13 +141,13 @@ class ProgramRunner(Runner):
             super()._note(text)
         self._noted = text
 
-    def _pose(self, state: State) -> Outcome | None:
+    def _pose(self, state: State) -> Ending | None:
         """One row, from a standstill to the file; or how it ended."""
         if (outcome := self._ended(state)) is not None:
             return outcome
         left = self.program.left(self.steering.counting)
         if not len(left):
-            return Outcome(state=state, reason="visited")
+            return Ending(state=state, reason="visited")
         self.tell(RunEvent(kind="left", state=state, left=self._left(left, first=state.met)))
         while (row := self._next()) is None:
             pass
@@ -186,7 +186,7 @@ class ProgramRunner(Runner):
                     off_deg=float(np.degrees(off.min())),
                 )
             )
-        step = Step(len(self._journal.rows) + 1, self._purpose(taken.joints), taken.joints)
+        step = MeasurementPose(len(self._journal.rows) + 1, self._purpose(taken.joints), taken.joints)
         row = self._row_of(step, taken)
         if step.purpose == "reference":
             if self._compare(row) == "again":
@@ -235,7 +235,7 @@ class ProgramRunner(Runner):
         self._point = taken.point  # it is not asked for twice
         return replace(taken, joints=self.program.q[self._paired(taken.point)])
 
-    def _measured(self, step: Step, *, go: bool = True) -> Row:
+    def _measured(self, step: MeasurementPose, *, go: bool = True) -> Row:
         """Measure once more where the robot stands.
 
         Raises:

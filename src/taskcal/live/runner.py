@@ -12,7 +12,7 @@ from jaxtyping import Float
 from taskcal.kinematics.clearance import clear_of_boxes, clear_of_itself, place_links
 from taskcal.live.devices import Controller
 from taskcal.live.journal import Journal, Row
-from taskcal.live.steering import Aim, State, Steering, Step
+from taskcal.live.steering import Aim, MeasurementPose, State, Steering
 from taskcal.live.stillness import MissedError, StoppedError, Taken, Taker
 from taskcal_groundwork.said import Said
 
@@ -38,7 +38,7 @@ class RunEvent:
     kind: Literal["pose", "left", "row", "state", "note"]
     text: Said | None = None
     """In words, of a note."""
-    step: Step | None = None
+    step: MeasurementPose | None = None
     taken: Taken | None = None
     state: State | None = None
     next_error: float | None = None
@@ -69,7 +69,7 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Outcome:
+class Ending:
     """How it ended."""
 
     state: State
@@ -143,7 +143,7 @@ class Runner:
     def _journal(self) -> Journal:
         return self.steering.journal
 
-    def run(self) -> Outcome:
+    def run(self) -> Ending:
         """Measure until it is proven, there are enough rows, or the person stops; every row is on the disk before the next.
 
         Raises:
@@ -162,13 +162,13 @@ class Runner:
                 if (outcome := self._pose(state)) is not None:
                     return outcome
         except StoppedError:
-            return Outcome(state=state, reason="stopped")
+            return Ending(state=state, reason="stopped")
 
     def _note(self, text: Said) -> None:
         """Tell something in words."""
         self.tell(RunEvent(kind="note", text=text))
 
-    def _pose(self, state: State) -> Outcome | None:
+    def _pose(self, state: State) -> Ending | None:
         """One pose, from its choice to its row; or how it ended."""
         if (outcome := self._ended(state)) is not None:
             return outcome
@@ -181,15 +181,15 @@ class Runner:
             self._journal.append(row)
         return None
 
-    def _ended(self, state: State) -> Outcome | None:
+    def _ended(self, state: State) -> Ending | None:
         """Tell what is known; how it ended, if it did."""
         self.tell(RunEvent(kind="state", state=state, pose_s=self._pace()))
         if state.proven or state.consistent:
-            return Outcome(state=state, reason="proven" if state.proven else "consistent")
+            return Ending(state=state, reason="proven" if state.proven else "consistent")
         if state.rows >= self.steering.aim.most:
-            return Outcome(state=state, reason="most")
+            return Ending(state=state, reason="most")
         if self.taker.stopped():
-            return Outcome(state=state, reason="stopped")
+            return Ending(state=state, reason="stopped")
         return None
 
     def _clear(self) -> Callable[[Float[np.ndarray, " joints"]], bool] | None:
@@ -211,7 +211,7 @@ class Runner:
             raise StoppedError
         return answer
 
-    def _row(self, step: Step) -> Row | None:
+    def _row(self, step: MeasurementPose) -> Row | None:
         """The row of a pose; None where it is left out."""
         go = True
         while True:
@@ -230,7 +230,7 @@ class Runner:
                 return replace(row, station=self.steering.station)
             return self._checked(step, row)
 
-    def _measured(self, step: Step, *, go: bool = True) -> Row:
+    def _measured(self, step: MeasurementPose, *, go: bool = True) -> Row:
         """Go to a pose and measure; or measure where the robot is.
 
         Raises:
@@ -247,7 +247,7 @@ class Runner:
             self.taker.instrument.show(step.fixture)
         return self._row_of(step, self.taker.take(step.q, fixture=step.fixture))
 
-    def _row_of(self, step: Step, taken: Taken) -> Row:
+    def _row_of(self, step: MeasurementPose, taken: Taken) -> Row:
         """A row that was taken, which is told."""
         self.tell(RunEvent(kind="row", step=step, taken=taken))
         self._here = taken.joints
@@ -263,7 +263,7 @@ class Runner:
             corners=taken.corners,
         )
 
-    def _checked(self, step: Step, row: Row) -> Row:
+    def _checked(self, step: MeasurementPose, row: Row) -> Row:
         """A row as it is expected; or the second of two that agree, where it is not."""
         off = self.steering.surprise(row)
         if off is None:

@@ -127,7 +127,7 @@ class Aim:
         }
 
 
-class Step(NamedTuple):
+class MeasurementPose(NamedTuple):
     """A pose to measure."""
 
     number: int
@@ -271,13 +271,13 @@ class Steering:
     def _tracked(self) -> bool:
         return self.aim.instrument.kind.in_tracker
 
-    def _step(self, purpose: Purpose, among: Measurable, pose: int) -> Step:
+    def _step(self, purpose: Purpose, among: Measurable, pose: int) -> MeasurementPose:
         """One of some poses as the next one."""
         names = self.aim.instrument.fixtures.names
         fixture = "" if self._tracked else names[int(among.visible[pose].argmax())]
-        return Step(len(self.journal.rows) + 1, purpose, among.q[pose], fixture)
+        return MeasurementPose(len(self.journal.rows) + 1, purpose, among.q[pose], fixture)
 
-    def skip(self, step: Step) -> None:
+    def skip(self, step: MeasurementPose) -> None:
         """Do not choose a pose again, which cannot be measured."""
         self._skipped.append(step.q)
 
@@ -614,7 +614,7 @@ class Steering:
 
     def next(
         self, state: State, *, doubt: bool = False, clear: Callable[[Float[np.ndarray, " joints"]], bool] | None = None
-    ) -> tuple[Step, float | None]:
+    ) -> tuple[MeasurementPose, float | None]:
         """The next pose, and the error over the task that is expected after it, metres, where it is chosen for that.
 
         Args:
@@ -628,7 +628,7 @@ class Steering:
         number, purpose = len(self.journal.rows) + 1, self.purpose(state, doubt=doubt)
         if purpose == "reference":
             first = self._first_like(self.journal.rows[-1])
-            return Step(number, purpose, first.joints, first.fixture), None
+            return MeasurementPose(number, purpose, first.joints, first.fixture), None
         if purpose == "kept-out":
             own = self._start[2]
             return self._step(purpose, own, self._drawn(own, number, clear)), None

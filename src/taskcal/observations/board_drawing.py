@@ -121,7 +121,7 @@ MAX_PAGE_MM = 5000.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sheet:
+class BoardSheet:
     """Place of a board on a page, millimetres from its upper left corner."""
 
     board: Board
@@ -158,7 +158,7 @@ def page_size(page: str) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
-def lay_out_board(board: Board, page: str = "A4") -> Sheet:
+def lay_out_board(board: Board, page: str = "A4") -> BoardSheet:
     """Place a board on a page, upright if it fits so, else across.
 
     Args:
@@ -178,7 +178,7 @@ def lay_out_board(board: Board, page: str = "A4") -> Sheet:
     for across, down in ((short, long), (long, short)):
         if width <= across and height <= down:
             left, free = 0.5 * (across - (high_x - low_x)), down - height
-            return Sheet(
+            return BoardSheet(
                 board=board,
                 drawing=drawing,
                 page=page,
@@ -204,7 +204,7 @@ def _holds(page: tuple[float, float], width: float, height: float) -> bool:
     return (width <= page[0] and height <= page[1]) or (width <= page[1] and height <= page[0])
 
 
-def sheet_text(sheet: Sheet) -> list[str]:
+def sheet_text(sheet: BoardSheet) -> list[str]:
     """What is printed below a board."""
     board, (width, height) = sheet.board, sheet.size_mm
     marker = {"checkerboard": "", "charuco": "markers", "aprilgrid": "tags"}.get(board.kind, "dots")
@@ -221,7 +221,7 @@ def sheet_text(sheet: Sheet) -> list[str]:
     ]
 
 
-def board_pdf(sheets: list[Sheet]) -> bytes:
+def board_pdf(sheets: list[BoardSheet]) -> bytes:
     """A PDF of sheets, a page each, in vector graphics and at true scale."""
     fonts = "/Font << /F1 << /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >> >>"
     kids = " ".join(f"{3 + 2 * k} 0 R" for k in range(len(sheets)))
@@ -251,7 +251,7 @@ CIRCLE = 4.0 / 3.0 * (np.sqrt(2.0) - 1.0)
 """Length of the handles of four Bézier curves that are a circle to 0.03 % of its radius."""
 
 
-def _content(sheet: Sheet) -> str:
+def _content(sheet: BoardSheet) -> str:
     """The operators of a page. All shapes are one path, so that no viewer leaves a seam between neighbours."""
     shift = np.array([sheet.left, sheet.top]) - 1e3 * sheet.drawing.outline[:2]
     path: list[str] = []
@@ -279,12 +279,12 @@ def _content(sheet: Sheet) -> str:
 _ESCAPED, _BACKSLASH = re.compile(r"[\\()]"), r"\\\g<0>"
 
 
-def _up(sheet: Sheet, y_mm: float) -> float:
+def _up(sheet: BoardSheet, y_mm: float) -> float:
     """Points from the lower edge of the page."""
     return (sheet.height - y_mm) * POINTS
 
 
-def _box(sheet: Sheet, left: float, top: float, width: float, height: float) -> str:
+def _box(sheet: BoardSheet, left: float, top: float, width: float, height: float) -> str:
     x, y, w, h = left * POINTS, _up(sheet, top + height), width * POINTS, height * POINTS
     return f"{x:.4f} {y:.4f} {w:.4f} {h:.4f} re"
 

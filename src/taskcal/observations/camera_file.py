@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from taskcal.errors import FileError, TaskcalError, shown
 from taskcal.io.text_file import read_text
-from taskcal.io.toml_file import Finite, NotNegative, Positive, Section, read_toml
+from taskcal.io.toml_file import FileSection, Finite, NotNegative, Positive, read_toml
 from taskcal.observations.camera import DISTORTION, KILO, Lens
 from taskcal.short_repr import short_repr
 
@@ -41,7 +41,7 @@ class StatedCamera:
 Side = Annotated[int, Field(strict=True, ge=1, le=MAX_PIXELS)]
 
 
-class FocusSection(Section):
+class FocusSection(FileSection):
     """Distances at which the camera sees sharply."""
 
     nearest_mm: Positive
@@ -56,7 +56,7 @@ class FocusSection(Section):
         return self
 
 
-class CameraSection(Section):
+class CameraSection(FileSection):
     """A camera of a file."""
 
     lens: Literal["pinhole", "fisheye"] = "pinhole"
@@ -98,7 +98,7 @@ class CameraSection(Section):
         return StatedCamera(lens=lens, numbers=numbers / size, uncertainty=u, focus=focus, source=source)
 
 
-class CameraFile(Section):
+class CameraFile(FileSection):
     """A file of a camera."""
 
     camera: CameraSection

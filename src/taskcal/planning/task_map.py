@@ -172,7 +172,7 @@ def map_task(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Uncertainty:
+class TaskUncertainty:
     """Uncertainty of the TCP over a task, before and after, metres."""
 
     task: str
@@ -192,7 +192,7 @@ class Uncertainty:
     """Standard deviations in space over the slices."""
 
 
-def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> Uncertainty:
+def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> TaskUncertainty:
     """Uncertainty of the tool over a task: by the tolerances alone, and calibrated.
 
     Args:
@@ -221,7 +221,7 @@ def uncertainty_over(calibration: Calibration, task: Task, seed: int = 0) -> Unc
     before = np.sqrt((effect**2).sum(axis=2))
     after, point = per_axis(calibration.tool_covariance(poses.q)), per_axis(target(poses.q))
     slices = () if task.workspace is None else slice_workspace(model, task)
-    return Uncertainty(
+    return TaskUncertainty(
         task=task.name,
         unreachable=float(poses.unreachable.mean()),
         before=in_space(before),

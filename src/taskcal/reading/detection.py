@@ -61,14 +61,14 @@ DOT_SAMPLES = 41
 """Along either side of the part of a board in which a dot is measured: 2.5 % of a square."""
 
 
-class Found(NamedTuple):
+class Detection(NamedTuple):
     """Corners of one board in an image."""
 
     id: Int[np.ndarray, " c"]
     pixel: Float[np.ndarray, "c 2"]
 
 
-NOTHING = Found(np.zeros(0, dtype=int), np.zeros((0, 2)))
+NOTHING = Detection(np.zeros(0, dtype=int), np.zeros((0, 2)))
 
 
 def corners_of(path: Path, boards: Sequence[Board]) -> tuple[Corners, ...]:
@@ -152,7 +152,11 @@ def detect_corners(folder: Path, boards: Sequence[Board]) -> Corners:
 
 
 def _corners(
-    source: str, paths: Sequence[Path], size: tuple[int, int], seen: Sequence[Sequence[Found]], boards: Sequence[Board]
+    source: str,
+    paths: Sequence[Path],
+    size: tuple[int, int],
+    seen: Sequence[Sequence[Detection]],
+    boards: Sequence[Board],
 ) -> Corners:
     """Corners of boards as they were found in each image."""
     parts = [(k, b, one) for k, found in enumerate(seen) for b, one in enumerate(found)]
@@ -217,7 +221,9 @@ def thumbnail(path: Path) -> bytes:
     return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, THUMBNAIL_QUALITY])[1].tobytes()
 
 
-def _look(path: Path, finders: Sequence[Callable[[np.ndarray], Found]]) -> tuple[tuple[int, int], list[Found], float]:
+def _look(
+    path: Path, finders: Sequence[Callable[[np.ndarray], Detection]]
+) -> tuple[tuple[int, int], list[Detection], float]:
     """Size of an image, what it shows, and how wide the edges at its corners are, pixels."""
     image = _read(path)
     found = [find(image) for find in finders]
@@ -240,7 +246,7 @@ def _edge_width(image: np.ndarray, pixel: Float[np.ndarray, "c 2"]) -> float:
 # One finder for each kind of board.
 
 
-def _finder(board: Board) -> Callable[[np.ndarray], Found]:
+def _finder(board: Board) -> Callable[[np.ndarray], Detection]:
     finders = {
         "charuco": _charuco,
         "aprilgrid": _tags,
@@ -256,7 +262,7 @@ def _dictionary(name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
-def _charuco(board: Board) -> Callable[[np.ndarray], Found]:
+def _charuco(board: Board) -> Callable[[np.ndarray], Detection]:
     cv2 = _opencv()
     numbers = board.first_marker + np.arange(board.markers)
     size = board.columns, board.rows
@@ -264,9 +270,9 @@ def _charuco(board: Board) -> Callable[[np.ndarray], Found]:
     pattern.setLegacyPattern(board.legacy)
     detector = cv2.aruco.CharucoDetector(pattern)
 
-    def find(image: np.ndarray) -> Found:
+    def find(image: np.ndarray) -> Detection:
         pixel, ids, _, _ = detector.detectBoard(image)
-        return NOTHING if ids is None else Found(ids.reshape(-1).astype(int), pixel.reshape(-1, 2).astype(float))
+        return NOTHING if ids is None else Detection(ids.reshape(-1).astype(int), pixel.reshape(-1, 2).astype(float))
 
     return find
 
@@ -278,13 +284,13 @@ def _marker_detector(dictionary: str, border_bits: int = 1) -> Any:
     return cv2.aruco.ArucoDetector(_dictionary(dictionary), parameters)
 
 
-def _tags(board: Board) -> Callable[[np.ndarray], Found]:
+def _tags(board: Board) -> Callable[[np.ndarray], Detection]:
     cv2 = _opencv()
     detector, own = _marker_detector(board.dictionary, board.border), set(board.ids().tolist())
     window = WINDOW_SHARE * (board.square_m - board.marker_m) / board.marker_m
     until = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3
 
-    def find(image: np.ndarray) -> Found:
+    def find(image: np.ndarray) -> Detection:
         corners, ids, _ = detector.detectMarkers(image)
         if ids is None:
             return NOTHING
@@ -294,17 +300,17 @@ def _tags(board: Board) -> Callable[[np.ndarray], Found]:
         side = float(np.median(np.linalg.norm(rough - np.roll(rough, 1, axis=1), axis=2)))
         half = min(max(round(window * side), 2), MAX_WINDOW)
         pixel = cv2.cornerSubPix(image, rough.reshape(-1, 1, 2).copy(), (half, half), (-1, -1), until).reshape(-1, 2)
-        return Found(number[here].astype(int), pixel[here].astype(float))
+        return Detection(number[here].astype(int), pixel[here].astype(float))
 
     return find
 
 
-def _checkerboard(board: Board) -> Callable[[np.ndarray], Found]:
+def _checkerboard(board: Board) -> Callable[[np.ndarray], Detection]:
     cv2 = _opencv()
     size = board.columns - 1, board.rows - 1
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
 
-    def find(image: np.ndarray) -> Found:
+    def find(image: np.ndarray) -> Detection:
         there, pixel = cv2.findChessboardCornersSB(image, size, flags=flags)
         if not there:
             return NOTHING
@@ -313,7 +319,7 @@ def _checkerboard(board: Board) -> Callable[[np.ndarray], Found]:
         black = bool(board.black_squares()[1, 1])
         turned = (pixel[order] for order in _turns(*size))
         fitting = (one for one in turned if black == (_shade(image, one, size[0], 0) < _shade(image, one, size[0], 1)))
-        return Found(board.ids(), next(fitting, pixel))
+        return Detection(board.ids(), next(fitting, pixel))
 
     return find
 
@@ -330,20 +336,20 @@ def _shade(image: np.ndarray, pixel: Float[np.ndarray, "c 2"], columns: int, fir
     return float(image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2].mean())
 
 
-def _circles(board: Board) -> Callable[[np.ndarray], Found]:
+def _circles(board: Board) -> Callable[[np.ndarray], Detection]:
     cv2 = _opencv()
     staggered = board.kind == "asymmetric_circles"
     form = cv2.CALIB_CB_ASYMMETRIC_GRID if staggered else cv2.CALIB_CB_SYMMETRIC_GRID
     orders = _staggered_orders(board.columns, board.rows) if staggered else _turns(board.columns, board.rows)
     told = board.big_dot is not None and not board.same_after_half_turn
 
-    def find(image: np.ndarray) -> Found:
+    def find(image: np.ndarray) -> Detection:
         for flags in (form | cv2.CALIB_CB_CLUSTERING, form):  # each finds boards that the other does not
             there, pixel = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=flags)
             for order in orders if there else ():
                 found = pixel.reshape(-1, 2).astype(float)[order]
                 if _is_in_order(board, found) and (not told or _has_big_dot(board, image, found)):
-                    return Found(board.ids(), found)
+                    return Detection(board.ids(), found)
         return NOTHING
 
     return find

@@ -33,7 +33,7 @@ from taskcal.identification.residual_analysis import (
 from taskcal.identification.uncertainty_budget import COVERAGE_FACTOR, UncertaintyBudget, budget_at
 from taskcal.identification.validation import MeasuredErrors, measured_errors
 from taskcal.planning.selection import Rung
-from taskcal.planning.task_map import Uncertainty
+from taskcal.planning.task_map import TaskUncertainty
 from taskcal.registration.registration import Registration
 from taskcal.report.camera import camera_section
 from taskcal.report.chart import AXIS_COLOURS, BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Level, Panel, Series
@@ -42,14 +42,14 @@ from taskcal.report.content import (
     MILLIMETRES,
     NOMINAL,
     Block,
+    Bullets,
     Chart,
     Column,
     Facts,
     LengthUnit,
     Numbers,
-    Points,
     Section,
-    Table,
+    TextTable,
     decimals_of,
     describe_effective,
     millimetres,
@@ -58,7 +58,7 @@ from taskcal.report.content import (
     prior_scale_origin,
     signed,
 )
-from taskcal.report.page import Page, edited_entry
+from taskcal.report.page import Report, edited_entry
 from taskcal.report.scene import robot_scene
 from taskcal.report.sensitivity import draw_effects
 from taskcal.report.task import draw_bands, draw_maps
@@ -83,7 +83,7 @@ ERRORS = (
 
 def tabulate_errors(
     summaries: Mapping[str, Mapping[str, float | int]], title: str = "", *, of: str = Said("rows"), note: str = ""
-) -> Table:
+) -> TextTable:
     """Tabulate labelled `Validation.summary`s; axes are those of the robot's base.
 
     Args:
@@ -99,7 +99,7 @@ def tabulate_errors(
         if along_axes
         else Said("Error: measured less predicted")
     )
-    return Table.of(title, (Column(of, "label"), *ERRORS), rows, note=note)
+    return TextTable.of(title, (Column(of, "label"), *ERRORS), rows, note=note)
 
 
 # The result of a calibration in one sentence.
@@ -290,7 +290,7 @@ def held_out_section(calibration: Calibration) -> Section:
     )
 
 
-def _tabulate_parts(held_out: HeldOut) -> Table:
+def _tabulate_parts(held_out: HeldOut) -> TextTable:
     """Mean and largest error of every part."""
     length = np.linalg.norm(held_out.residuals[..., :3], axis=2)
     parts = [
@@ -302,7 +302,7 @@ def _tabulate_parts(held_out: HeldOut) -> Table:
         millimetres(Said("mean mm"), lambda part: part[1].mean()),
         millimetres(Said("max mm"), lambda part: part[1].max()),
     )
-    return Table.of(
+    return TextTable.of(
         Said("Part by part"),
         columns,
         [part for part in parts if len(part[1])],
@@ -329,7 +329,7 @@ def ladder_section(rungs: Sequence[Rung]) -> Section:
             "help. Neighbouring poses are held out together, in five parts."
         ),
     )
-    return Section(Said("Error reduction by model stage"), chart, Table.of(Said("Nested models"), columns, rungs))
+    return Section(Said("Error reduction by model stage"), chart, TextTable.of(Said("Nested models"), columns, rungs))
 
 
 def draw_ladder_rungs(rungs: Sequence[Rung]) -> Figure:
@@ -385,7 +385,7 @@ def geometry_of(calibration: Calibration) -> ErrorModel:
     return ErrorModel(calibration.model.robot, lengths_only=calibration.model.lengths_only)
 
 
-def tabulate_estimates(calibration: Calibration, found: Identifiability) -> list[Table]:
+def tabulate_estimates(calibration: Calibration, found: Identifiability) -> list[TextTable]:
     """Tabulate what was estimated: harmonics by their amplitudes, every parameter, and correlations.
 
     Args:
@@ -410,7 +410,7 @@ def with_interval(value: float, uncertainty: float) -> tuple[Said, Said]:
     return signed(value, digits), Said("{low} to {high}", low=low, high=high)
 
 
-def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Table:
+def tabulate_intervals(calibration: Calibration, found: Identifiability) -> TextTable:
     """Tabulate every parameter of the model with its 95 % interval, and whether it was estimated.
 
     Args:
@@ -434,7 +434,7 @@ def tabulate_intervals(calibration: Calibration, found: Identifiability) -> Tabl
             lambda i: _status(parameters[i].name, i in estimated, informed.get(parameters[i].name), found),
         ),
     )
-    return Table.of(
+    return TextTable.of(
         Said("All {count} parameters: {estimated} were estimated", count=len(parameters), estimated=len(estimated)),
         columns,
         range(len(parameters)),
@@ -460,7 +460,7 @@ def _status(name: str, kept: bool, informed: bool | None, found: Identifiability
     return Said("left out: linearly dependent here") if dependent else Said("left out by choice")
 
 
-def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
+def _tabulate_relations(model: ErrorModel, found: Identifiability) -> TextTable:
     """Exact linear dependence at the fitted poses."""
     symbols = {p.name: p.symbol or p.name for p in model.parameters}
     rows: list[tuple[str, str]] = [(symbols[name], Said("0: no effect on the TCP")) for name in found.zero]
@@ -468,7 +468,7 @@ def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
         few = dict(sorted(terms.items(), key=lambda one: -abs(one[1]))[:MAX_TERMS])
         said, more = describe_combination(few, symbols), len(terms) - MAX_TERMS
         rows.append((symbols[name], Said("{said} … ({more} more)", said=said, more=more) if more > 0 else said))
-    return Table.of_rows(
+    return TextTable.of_rows(
         Said("Linear dependence: {count} parameters equal others at the measured poses", count=len(rows)),
         (Said("a geometric error in"), Said("moves the TCP exactly as")),
         rows,
@@ -481,7 +481,7 @@ def _tabulate_relations(model: ErrorModel, found: Identifiability) -> Table:
     )
 
 
-def _tabulate_correlations(calibration: Calibration) -> Table:
+def _tabulate_correlations(calibration: Calibration) -> TextTable:
     found = largest_correlations(calibration, CORRELATIONS)
     largest = max((round(abs(value), 3) for *_, value in found), default=0.0)
     columns = (
@@ -489,7 +489,7 @@ def _tabulate_correlations(calibration: Calibration) -> Table:
         Column(Said("and"), lambda pair: pair[1]),
         Column(Said("correlation"), lambda pair: signed(pair[2], 3), "s"),
     )
-    return Table.of(
+    return TextTable.of(
         Said("Largest correlations of the estimated parameters"),
         columns,
         found,
@@ -526,7 +526,7 @@ def strongest_harmonics(parameters: Sequence[Mapping[str, Any]]) -> list[tuple[s
     return sorted(harmonics, key=lambda row: -row[2])
 
 
-def tabulate_harmonics(parameters: Sequence[Mapping[str, Any]]) -> Table:
+def tabulate_harmonics(parameters: Sequence[Mapping[str, Any]]) -> TextTable:
     """Tabulate the strongest harmonics."""
     harmonics = strongest_harmonics(parameters)
     shown = harmonics[:MAX_HARMONICS]
@@ -539,7 +539,7 @@ def tabulate_harmonics(parameters: Sequence[Mapping[str, Any]]) -> Table:
     title = Said(
         "Harmonics of the joint angles: the {count} strongest of {every}", count=len(shown), every=len(harmonics)
     )
-    return Table.of(title, columns, shown, folded=True)
+    return TextTable.of(title, columns, shown, folded=True)
 
 
 MAX_DRAWN = 40
@@ -620,7 +620,8 @@ def provenance_section(calibration: Calibration) -> Section:
         (Said("ended"), state_end(calibration.reason, calibration.iterations, calibration.rounds)),
     ]
     return Section(
-        Said("Provenance"), Table.of_rows(Said("Provenance"), (Said("entry"), Said("value")), rows, text_columns=(0, 1))
+        Said("Provenance"),
+        TextTable.of_rows(Said("Provenance"), (Said("entry"), Said("value")), rows, text_columns=(0, 1)),
     )
 
 
@@ -678,7 +679,7 @@ def residual_analysis_section(analysis: ResidualAnalysis) -> Section:
         Said("Residual analysis"),
         method,
         Numbers(*numbers),
-        Points(*_findings(analysis)),
+        Bullets(*_findings(analysis)),
         Chart(
             Said("Residual variance explained, by quantity"),
             draw_shares(analysis),
@@ -694,7 +695,7 @@ def residual_analysis_section(analysis: ResidualAnalysis) -> Section:
         )
         if analysis.explained
         else None,
-        Table.of(
+        TextTable.of(
             f"Residual variance explained, by quantity: all {len(analysis.explained)}",
             columns,
             analysis.explained,
@@ -786,7 +787,7 @@ def range_section(calibration: Calibration) -> Section:
     )
 
 
-def tabulate_range(calibration: Calibration) -> Table:
+def tabulate_range(calibration: Calibration) -> TextTable:
     """Tabulate the measured range of every joint, beside its limits."""
     robot, measured = calibration.model.robot, calibration.measured_range
 
@@ -798,7 +799,7 @@ def tabulate_range(calibration: Calibration) -> Table:
         Column(Said("measured"), measured.describe, "s"),
         Column(Said("limits"), limits, "s"),
     )
-    return Table.of(Said("Joint range of the fitted rows"), columns, range(len(robot.joints)))
+    return TextTable.of(Said("Joint range of the fitted rows"), columns, range(len(robot.joints)))
 
 
 # Residuals of the fitted rows.
@@ -1054,7 +1055,7 @@ MOSTLY_OUTLIERS = Said(
 COUNTED = Said("Rows of the campaign, counted from 0, and lines of its file, counted from 1.")
 
 
-def tabulate_outliers(calibration: Calibration) -> Table:
+def tabulate_outliers(calibration: Calibration) -> TextTable:
     """Tabulate outliers of the fit, and whether the reading or the model is at fault."""
     mostly = are_most(len(calibration.outliers), int(np.isfinite(calibration.studentised).sum()))
     return tabulate_judged(calibration.outliers, calibration.shared_outliers, Said("residual mm"), mostly=mostly)
@@ -1062,7 +1063,7 @@ def tabulate_outliers(calibration: Calibration) -> Table:
 
 def tabulate_judged(
     outliers: Sequence[Outlier], shared: Sequence[bool], length: str, *, mostly: bool, count: int | None = None
-) -> Table:
+) -> TextTable:
     """Tabulate outliers, each with its likely cause.
 
     Args:
@@ -1088,7 +1089,7 @@ def tabulate_judged(
     if len(rows) < len(outliers):
         title = Said("{title}, the {count} worst of {every}", title=title, count=len(rows), every=len(outliers))
     note = joined(" ", [COUNTED, *(remedies[cause] for cause in dict.fromkeys(causes))])
-    return Table.of(title, columns, rows, note=note)
+    return TextTable.of(title, columns, rows, note=note)
 
 
 def are_most(outliers: int, points: int) -> bool:
@@ -1113,7 +1114,7 @@ def describe_outliers(shared: Sequence[bool], *, mostly: bool) -> Said:
     return joined(", ", [count, joined("; ", causes)])
 
 
-def tabulate_left_out(calibration: Calibration) -> Table:
+def tabulate_left_out(calibration: Calibration) -> TextTable:
     """Tabulate rejected rows, which contradict all others."""
     columns = (
         Column(Said("row"), "row", "d"),
@@ -1123,10 +1124,10 @@ def tabulate_left_out(calibration: Calibration) -> Table:
         Column(Said("error / 1σ"), "studentised", ".0f"),
     )
     title = Said("Gross errors, rejected: measure these rows again")
-    return Table.of(title, columns, calibration.left_out, note=COUNTED)
+    return TextTable.of(title, columns, calibration.left_out, note=COUNTED)
 
 
-def tabulate_stations(calibration: Calibration) -> Table:
+def tabulate_stations(calibration: Calibration) -> TextTable:
     """Tabulate where a tracker stood that was moved; empty where no station is named."""
     columns = (
         Column(Said("station"), "name"),
@@ -1141,7 +1142,7 @@ def tabulate_stations(calibration: Calibration) -> Table:
     note = Said(
         "Origin of the robot's base in the tracker frame of each station; 1σ along and about its axes, geometry unknown."
     )
-    return Table.of(Said("Stations of the tracker"), columns, list_stations(calibration), note=note)
+    return TextTable.of(Said("Stations of the tracker"), columns, list_stations(calibration), note=note)
 
 
 # Target offsets that the poses do not determine.
@@ -1199,7 +1200,7 @@ is p (1 − p) / (n f²)."""
 def summary_section(
     calibration: Calibration,
     errors: MeasuredErrors | None,
-    over: Uncertainty | None,
+    over: TaskUncertainty | None,
     judged: Mapping[str, Any] | None = None,
     space: Workspace | None = None,
 ) -> Section:
@@ -1257,7 +1258,7 @@ def summary_section(
                 "the task."
             ),
         ),
-        Points(*remarks) if (remarks := _remarks(calibration)) else None,
+        Bullets(*remarks) if (remarks := _remarks(calibration)) else None,
         Facts(*fit_facts(calibration)),
         tabulate_stations(calibration) if calibration.stations else None,
     )
@@ -1370,10 +1371,10 @@ def _budget_section(title: str, text: str, budget: UncertaintyBudget) -> Section
     if ordered:
         largest = term(ordered[0].source)
         text = Said("{text} The largest contribution is {source}.", text=text, source=largest)
-    return Section(title, text, Table.of(Said("Uncertainty budget"), columns, rows))
+    return Section(title, text, TextTable.of(Said("Uncertainty budget"), columns, rows))
 
 
-def task_uncertainty_section(over: Uncertainty) -> Section:
+def task_uncertainty_section(over: TaskUncertainty) -> Section:
     """Make the section of the uncertainty over a task."""
     reach = f" {over.unreachable:.1%} of its poses are out of reach and left out." if over.unreachable else ""
     text = (
@@ -1408,7 +1409,7 @@ def calibration_sections(
     calibration: Calibration,
     *,
     judged: Mapping[str, Any] | None = None,
-    over: Uncertainty | None = None,
+    over: TaskUncertainty | None = None,
     space: Workspace | None = None,
     campaign: Campaign | None = None,
     images: Path | None = None,
@@ -1449,7 +1450,7 @@ def calibration_sections(
     return [*sections, outliers_section(calibration), provenance_section(calibration)]
 
 
-def calibration_page(calibration: Calibration, sections: Sequence[Section]) -> Page:
+def calibration_page(calibration: Calibration, sections: Sequence[Section]) -> Report:
     """Make the page of a calibration.
 
     Args:
@@ -1460,7 +1461,7 @@ def calibration_page(calibration: Calibration, sections: Sequence[Section]) -> P
     fitted = f"{count} parameters" if count == len(model) else f"{count} of {len(model)} parameters"
     rows = f"{fitted} from {source.rows} rows of {source.campaign or 'a campaign'}"
     known = describe_effective(rows, calibration.effective_parameters, calibration.parameter_groups)
-    return Page(
+    return Report(
         title=f"Calibration of the {model.robot.title or model.robot.name}",
         sections=sections,
         lead=f"{known}. All lengths are in millimetres.",

@@ -17,7 +17,7 @@ from taskcal.observations import Pixels, images_of
 from taskcal.observations.camera import KILO, Lens, Pictures
 from taskcal.reading.detection import thumbnail
 from taskcal.report.chart import BLUE, VERMILION, Axis, Figure, Heatmap, Panel, Series
-from taskcal.report.content import Chart, Column, Section, Table, WithMinus, decimals_of
+from taskcal.report.content import Chart, Column, Section, TextTable, WithMinus, decimals_of
 from taskcal.robot.error_model import ErrorModel
 from taskcal_groundwork.said import Said, joined, numeral, term
 
@@ -275,14 +275,14 @@ def camera_section(
     return Section(Said("Camera and hand-eye"), *own, _tabulate_steps(found), *charts)
 
 
-def _tabulate_camera(name: str, camera: Mapping[str, Any]) -> Table:
+def _tabulate_camera(name: str, camera: Mapping[str, Any]) -> TextTable:
     """The camera's numbers and their standard errors."""
     errors: Mapping[str, float] = camera["standard_error"]
     rows: list[tuple[str, ...]] = [
         (number, *_stated(camera[number], error), "px" if number in ("fx", "fy", "cx", "cy") else "")
         for number, error in errors.items()
     ]
-    return Table.of_rows(
+    return TextTable.of_rows(
         Said(
             "{name}: {model}, {width} × {height} pixels",
             name=name.capitalize(),
@@ -297,7 +297,7 @@ def _tabulate_camera(name: str, camera: Mapping[str, Any]) -> Table:
     )
 
 
-def _tabulate_places(found: Mapping[str, Any]) -> Table:
+def _tabulate_places(found: Mapping[str, Any]) -> TextTable:
     """Where each camera and each board is, and how large a board is."""
     rows: list[dict[str, Any]] = []
     boards = ((Said("board {name}", name=name), one) for name, one in found["board"].items())
@@ -323,7 +323,7 @@ def _tabulate_places(found: Mapping[str, Any]) -> Table:
         Column(Said("larger than stated ppm"), "scale", ".0f"),
         Column(Said("1σ ppm"), "scale_error", ".0f"),
     )
-    return Table.of(
+    return TextTable.of(
         Said("Where cameras and boards are"),
         columns,
         rows,
@@ -333,7 +333,7 @@ def _tabulate_places(found: Mapping[str, Any]) -> Table:
     )
 
 
-def _tabulate_hand_eye(hand_eye: Mapping[str, Any]) -> Table:
+def _tabulate_hand_eye(hand_eye: Mapping[str, Any]) -> TextTable:
     """Place and turn of what is on the wrist, in the tool frame, millimetres and degrees."""
     mm = zip("xyz", hand_eye["position_mm"], hand_eye["standard_error_mm"], strict=True)
     degrees = zip("xyz", np.degrees(np.array(hand_eye["standard_error_mrad"]) / 1e3), strict=True)
@@ -342,7 +342,7 @@ def _tabulate_hand_eye(hand_eye: Mapping[str, Any]) -> Table:
         (Said("turn about {axis}", axis=axis), "–", numeral(error, f".{decimals_of(error)}f"), "°")
         for axis, error in degrees
     ]
-    return Table.of_rows(
+    return TextTable.of_rows(
         Said("Hand-eye: the {on_wrist} in the tool frame", on_wrist=hand_eye["on_wrist"]),
         (Said("number"), Said("value"), "1σ", Said("unit")),
         rows,
@@ -360,7 +360,7 @@ def _stated(value: float, error: float) -> tuple[Said, Said]:
     return numeral(WithMinus(value), form), numeral(error, form)
 
 
-def _tabulate_steps(found: Mapping[str, Any]) -> Table:
+def _tabulate_steps(found: Mapping[str, Any]) -> TextTable:
     """The fit beside the usual two steps."""
     steps = found["two_steps"]
     rows = [
@@ -378,7 +378,7 @@ def _tabulate_steps(found: Mapping[str, Any]) -> Table:
         Column(Said("hand-eye apart mm"), "mm", ".3f"),
         Column(Said("apart °"), "degrees", ".3f"),
     )
-    return Table.of(
+    return TextTable.of(
         Said("The usual two steps on the same images"),
         columns,
         rows,

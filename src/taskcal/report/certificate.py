@@ -6,8 +6,8 @@ from typing import Any
 from taskcal.identification.calibration import Calibration
 from taskcal.observations.base import TrackerNoise
 from taskcal.report.calibration import describe_unobservable, say_option
-from taskcal.report.content import Block, Facts, Numbers, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.content import Block, Facts, Numbers, Section, TextTable
+from taskcal.report.page import Report
 from taskcal.report.task import describe_task
 from taskcal.report.verdict import verdict_blocks
 from taskcal.task.task import Task
@@ -27,7 +27,7 @@ def certificate_page(
     verdict: Mapping[str, Any] | None,
     task: Task | None,
     digests: Mapping[str, str],
-) -> Page:
+) -> Report:
     """Make the certificate of a calibration.
 
     Args:
@@ -61,7 +61,7 @@ def certificate_page(
     blocks.append(
         "Intervals are of 95 %; uncertainty by JCGM 100:2008 (GUM), of the estimate and of what the model does not explain."
     )
-    return Page(
+    return Report(
         title="Certificate of calibration",
         sections=(Section("Result", *blocks), _validity(calibration, task, digests)),
         lead=f"{robot.title or robot.name}, {source.rows} rows of {source.campaign or 'a campaign'}, fitted {source.created[:10]}.",
@@ -95,7 +95,7 @@ def _validity(calibration: Calibration, task: Task | None, digests: Mapping[str,
             for file, digest in digests.items()
         ),
     ]
-    signed = Table.of_rows(
+    signed = TextTable.of_rows(
         "Signatures",
         ("", "name", "date", "signature"),
         [(role, BLANK, BLANK, BLANK) for role in SIGNED],

@@ -17,7 +17,7 @@ from taskcal.report.calibration import (
     tabulate_errors,
     tabulate_judged,
 )
-from taskcal.report.content import Column, Facts, Points, Section, Table
+from taskcal.report.content import Bullets, Column, Facts, Section, TextTable
 
 MIN_CHANGE_SIGMAS = 2.0
 """Standard errors from which on a parameter is listed as changed: 5 % of unchanged ones are beyond."""
@@ -68,7 +68,7 @@ def describe_resemblance(comparison: Comparison) -> str:
     )
 
 
-def tabulate_changes(comparison: Comparison, count: int | None = MAX_LISTED) -> Table:
+def tabulate_changes(comparison: Comparison, count: int | None = MAX_LISTED) -> TextTable:
     """Tabulate parameters by their change over the standard error of the difference.
 
     Args:
@@ -84,7 +84,7 @@ def tabulate_changes(comparison: Comparison, count: int | None = MAX_LISTED) -> 
         Column("change / 1σ", "over_sigma", "+.1f"),
     )
     clear = [p for p in comparison.parameters if abs(p.over_sigma) >= MIN_CHANGE_SIGMAS][:count]
-    return Table.of(
+    return TextTable.of(
         "All parameters"
         if count is None
         else f"Parameters that differ by more than {MIN_CHANGE_SIGMAS:g} standard errors",
@@ -107,7 +107,7 @@ def comparison_section(title: str, comparison: Comparison, accuracy: float | Non
     return Section(
         title,
         title,
-        Points(*comparison.remarks) if comparison.remarks else None,
+        Bullets(*comparison.remarks) if comparison.remarks else None,
         Facts(
             ("change", describe_comparison(comparison)),
             ("maximum", f"{comparison.maximum * 1e3:.3f} mm at one of {len(comparison.q)} poses"),
@@ -150,7 +150,7 @@ def model_section(title: str, compared: Mapping[str, Any]) -> Section:
     return Section(
         title,
         title,
-        Table.of(f"distance of the TCP, and of its axes, over {compared['poses']} poses", DISTANCES, rows),
+        TextTable.of(f"distance of the TCP, and of its axes, over {compared['poses']} poses", DISTANCES, rows),
         Facts(
             ("farthest, fitted", f"at {place} mm: {joints}"),
             ("uncertainty", f"of the calibration {compared['uncertainty_mm']:.3f} mm (3D rms, 1σ)"),
@@ -166,7 +166,7 @@ MAX_COMPARED = 6
 STATISTIC = {"rms": "rms error", "max": "maximum error", "p95": "95th percentile", "mean": "mean error"}
 
 
-def tabulate_points(examination: Examination, count: int | None) -> Table:
+def tabulate_points(examination: Examination, count: int | None) -> TextTable:
     """Tabulate the worst points, or all of them in the order of the campaign.
 
     Args:
@@ -195,10 +195,10 @@ def tabulate_points(examination: Examination, count: int | None) -> Table:
     columns.append(Column("outside range", describe_outside, optional=True))
     axes = "; x, y and z along the robot's base." if examination.validation.has_axes else "."
     title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
-    return Table.of(title, columns, rows, note=f"{COUNTED[:-1]}{axes}")
+    return TextTable.of(title, columns, rows, note=f"{COUNTED[:-1]}{axes}")
 
 
-def tabulate_examined_outliers(examination: Examination, count: int | None = None) -> Table:
+def tabulate_examined_outliers(examination: Examination, count: int | None = None) -> TextTable:
     """Tabulate outliers, and whether the reading or the model is at fault; all, or so many of the worst."""
     mostly = are_most(len(examination.outliers), len(examination.validation))
     return tabulate_judged(examination.outliers, examination.shared, "error mm", mostly=mostly, count=count)

@@ -53,7 +53,7 @@ def millimetres(label: str, value: str | Callable[[Any], object], form: str = ".
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class TextTable:
     """A table of texts, the same on paper and in a terminal."""
 
     kind: ClassVar[str] = "table"
@@ -80,7 +80,7 @@ class Table:
         note: str = "",
         folded: bool = False,
         spare: tuple[str, ...] = (),
-    ) -> "Table":
+    ) -> "TextTable":
         """A table of columns, each of which takes its value from every row.
 
         Args:
@@ -118,7 +118,7 @@ class Table:
         text_columns: tuple[int, ...] = (0,),
         note: str = "",
         folded: bool = False,
-    ) -> "Table":
+    ) -> "TextTable":
         """A table of texts without groups."""
         groups = (("", tuple(rows)),)
         return cls(title=title, header=header, groups=groups, text_columns=text_columns, note=note, folded=folded)
@@ -141,7 +141,7 @@ class Text:
 
 
 @dataclass(frozen=True, init=False)
-class Points:
+class Bullets:
     """A list of short statements."""
 
     kind: ClassVar[str] = "points"
@@ -177,7 +177,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Step:
+class NextStep:
     """What to do next."""
 
     kind: ClassVar[str] = "step"
@@ -206,7 +206,7 @@ class Chart:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scene:
+class Viewer:
     """A figure in space that is turned with the mouse, and how to read it. All lengths are millimetres."""
 
     kind: ClassVar[str] = "scene"
@@ -242,7 +242,7 @@ class Scene:
         }
 
 
-Block = Table | Text | Points | Numbers | Facts | Step | Commands | Chart | Scene
+Block = TextTable | Text | Bullets | Numbers | Facts | NextStep | Commands | Chart | Viewer
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -261,7 +261,7 @@ class Section:
         """
         object.__setattr__(self, "title", title)
         made = (Text(block) if isinstance(block, str) else block for block in blocks if block is not None)
-        object.__setattr__(self, "blocks", tuple(one for one in made if not isinstance(one, Table) or len(one)))
+        object.__setattr__(self, "blocks", tuple(one for one in made if not isinstance(one, TextTable) or len(one)))
 
 
 # Tables and labelled lines as text of a given width, in which no word and no number is ever broken.

@@ -18,8 +18,8 @@ from taskcal.identification.uncertainty_budget import evaluation_of_model_error
 from taskcal.kinematics.inverse import freedom_of
 from taskcal.report.calibration import corrected_uncertainty_section
 from taskcal.report.chart import BLUE, GREY, ORANGE, VERMILION, Axis, Figure, Panel, Series
-from taskcal.report.content import Block, Chart, Column, Facts, Points, Scene, Section, Table
-from taskcal.report.page import Page, edited_entry
+from taskcal.report.content import Block, Bullets, Chart, Column, Facts, Section, TextTable, Viewer
+from taskcal.report.page import Report, edited_entry
 from taskcal.report.scene import coloured_points, spread_rows, strokes
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
@@ -83,7 +83,7 @@ def draw_errors_per_axis(correction: Correction) -> Figure:
     return Figure(panels=(Panel(x=Axis(title=Said("true less programmed"), unit="mm"), y=axes, series=tuple(series)),))
 
 
-def draw_program(correction: Correction) -> Scene:
+def draw_program(correction: Correction) -> Viewer:
     """Draw the programmed path, coloured by its error before correction; in each part's own frame."""
     deviations, motions = correction.before, correction.program.motions
     position = correction.wanted.at(deviations.move, deviations.share)[:, :3, 3]
@@ -100,7 +100,7 @@ def draw_program(correction: Correction) -> Scene:
             label = f"{name or 'base'}: error before, dark 0 to bright {top:.3f} mm"
             layers.append(strokes(f"{name or 'base'}: path", [position[rows]], GREY))
             layers.append(coloured_points(label, position[rows], length, (0.0, top), tips))
-    return Scene(
+    return Viewer(
         title=Said("Programmed path and error"),
         layers=tuple(layers),
         note=Said("Bright points have the largest error without the correction. Every part in its own frame."),
@@ -194,7 +194,7 @@ def state_uncertain(summary: Mapping[str, Any]) -> Said:
     )
 
 
-def tabulate_errors(correction: Correction) -> Table:
+def tabulate_errors(correction: Correction) -> TextTable:
     """Tabulate predicted errors before and after, at targets and between them."""
     summary = correction.summary()
     rows = [
@@ -203,7 +203,7 @@ def tabulate_errors(correction: Correction) -> Table:
         for when in ("before", "after")
         if summary[when][where] is not None
     ]
-    return Table.of(
+    return TextTable.of(
         Said("Predicted error of the true tool, without its uncertainty"),
         ERRORS,
         rows,
@@ -214,7 +214,7 @@ def tabulate_errors(correction: Correction) -> Table:
     )
 
 
-def tabulate_targets(targets: Sequence[Mapping[str, Any]], moves: int, count: int | None = None) -> Table:
+def tabulate_targets(targets: Sequence[Mapping[str, Any]], moves: int, count: int | None = None) -> TextTable:
     """Tabulate some targets with the largest errors before, one a line, or all of them in the order of the program.
 
     Of more than `MAX_TARGETS_ON_PAGE` those with the largest errors stand for all.
@@ -232,7 +232,7 @@ def tabulate_targets(targets: Sequence[Mapping[str, Any]], moves: int, count: in
     note = Said(
         "u: standard uncertainty at the target, 3D rms. Outside range: joint that leaves the measured range farthest in the motion."
     )
-    return Table.of(
+    return TextTable.of(
         Said("Targets")
         if everything
         else Said("The {count} targets with the largest errors", count=min(most, len(targets))),
@@ -375,7 +375,7 @@ def _from(folder: Path | None, path: Path) -> Path:
     return path if folder is None else path.relative_to(folder)
 
 
-def correction_page(correction: Correction, calibration: Calibration, sections: Sequence[Section]) -> Page:
+def correction_page(correction: Correction, calibration: Calibration, sections: Sequence[Section]) -> Report:
     """Make the page of a correction.
 
     Args:
@@ -385,7 +385,7 @@ def correction_page(correction: Correction, calibration: Calibration, sections: 
     """
     robot = calibration.model.robot
     names = ", ".join(source.path.name for source in correction.program.sources)
-    return Page(
+    return Report(
         title=f"Correction of {names}",
         sections=sections,
         lead=f"For the {robot.title or robot.name}, by the calibration of {calibration.provenance.campaign or 'a campaign'}.",
@@ -396,7 +396,7 @@ def correction_page(correction: Correction, calibration: Calibration, sections: 
 
 def doubts_section(told: Mapping[str, Any]) -> list[Section]:
     """Make the section of what is in doubt, if anything is."""
-    points = Points(*(Said("Warning: {doubt}.", doubt=term(doubt)) for doubt in told["doubts"]))
+    points = Bullets(*(Said("Warning: {doubt}.", doubt=term(doubt)) for doubt in told["doubts"]))
     return [Section(Said("Warning"), points)] if told["doubts"] else []
 
 
@@ -470,5 +470,5 @@ def _unchanged(told: Mapping[str, Any]) -> Section:
     blocks: list[Block | str] = []
     for title, (key, words) in lists.items():
         places = ((Place(path=Path(one["file"]), line=one["line"]), one[words]) for one in told[key])
-        blocks += [title, Points(*group_remarks(places))] if told[key] else []
+        blocks += [title, Bullets(*group_remarks(places))] if told[key] else []
     return Section(Said("Motions left unchanged"), *(blocks or [Said("Every motion was corrected.")]))

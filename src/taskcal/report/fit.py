@@ -26,7 +26,7 @@ from taskcal.report.calibration import (
     tabulate_estimates,
 )
 from taskcal.report.camera import camera_facts
-from taskcal.report.content import Column, Facts, Section, Step, Table, describe_effective, millimetres
+from taskcal.report.content import Column, Facts, NextStep, Section, TextTable, describe_effective, millimetres
 
 MAX_HELD_OUT_RATIO = 1.6
 """Ratio of held-out error to fit residual, beyond which more poses are recommended: the fit has more freedom than its rows."""
@@ -58,8 +58,8 @@ def fit_sections(
     held_out = held_out_section(calibration)
     return [
         summary_section(calibration, errors, None),
-        Section("Next", *map(Step, steps)),
-        Section(held_out.title, *(one for one in held_out.blocks if not isinstance(one, Table) or not one.folded)),
+        Section("Next", *map(NextStep, steps)),
+        Section(held_out.title, *(one for one in held_out.blocks if not isinstance(one, TextTable) or not one.folded)),
         residuals_section(calibration, errors),
         outliers_section(calibration),
         *([] if explanation is None else [explanation_section(explanation)]),
@@ -193,12 +193,14 @@ def explanation_section(explanation: Explanation) -> Section:
     untried = "; ".join(f"{name}: {reason}" for name, reason in explanation.untried.items())
     return Section(
         "Effects",
-        Table.of(
+        TextTable.of(
             "Model comparison: mean 3D error, cross-validated, with the standard error (SE) of its change",
             added,
             explanation.steps,
         ),
-        Table.of("Effect contributions: increase of the error when the effect is removed", worths, explanation.worths),
+        TextTable.of(
+            "Effect contributions: increase of the error when the effect is removed", worths, explanation.worths
+        ),
         Facts(
             ("summary", _sentence(explanation)),
             ("poorly determined", poorly) if named else None,

@@ -5,7 +5,7 @@ from typing import Any
 
 from taskcal.errors import listed
 from taskcal.planning.fleet import Fleet
-from taskcal.report.content import Column, Facts, Section, Table
+from taskcal.report.content import Column, Facts, Section, TextTable
 
 MAX_ROWS = 100
 """Calibrations beyond which only robots that somebody should look at are listed."""
@@ -39,7 +39,7 @@ def fleet_section(fleet: Fleet, accuracy_mm: float | None, beyond: Sequence[str]
     )
 
 
-def tabulate_fleet(fleet: Fleet) -> Table:
+def tabulate_fleet(fleet: Fleet) -> TextTable:
     """Tabulate each calibration; of many only those of robots that are not good, have changed, or are unlike the others."""
     wanted = robots_to_look_at(fleet)
     short = len(fleet.calibrations) > MAX_ROWS
@@ -58,7 +58,7 @@ def tabulate_fleet(fleet: Fleet) -> Table:
     if short:
         title += f" (the {len(wanted)} of {len(fleet.robots)} robots that need a look; all are in --json and -o)"
     rows = [row for row in fleet.calibrations if not short or row["robot"] in wanted]
-    return Table.of(title, columns, rows, spare=("fitted", "rows", "nominal"))
+    return TextTable.of(title, columns, rows, spare=("fitted", "rows", "nominal"))
 
 
 def robots_to_look_at(fleet: Fleet) -> list[str]:
@@ -70,7 +70,7 @@ def robots_to_look_at(fleet: Fleet) -> list[str]:
     ]
 
 
-def tabulate_fleet_changes(fleet: Fleet) -> Table:
+def tabulate_fleet_changes(fleet: Fleet) -> TextTable:
     """Tabulate robots that have changed from one calibration to the next, the most first."""
     changed = [change for change in fleet.changes if change["verdict"] != "unchanged"]
     changed.sort(key=lambda change: -change["excess_mm"])
@@ -83,12 +83,12 @@ def tabulate_fleet_changes(fleet: Fleet) -> Table:
         Column("consistent with", _resemblance),
     )
     rows = changed[:MAX_NAMED]
-    return Table.of(
+    return TextTable.of(
         f"Changed since the previous calibration ({_of(len(rows), len(changed))}), 3D rms, mm", columns, rows
     )
 
 
-def tabulate_outliers_of_fleet(fleet: Fleet) -> Table:
+def tabulate_outliers_of_fleet(fleet: Fleet) -> TextTable:
     """Tabulate parameters of robots that are unlike those of the others."""
     columns = (
         Column("robot", "robot"),
@@ -100,7 +100,7 @@ def tabulate_outliers_of_fleet(fleet: Fleet) -> Table:
         Column("deviation / 1σ", "z", "+.1f"),
     )
     rows = fleet.outliers[:MAX_NAMED]
-    return Table.of(f"Outliers of the fleet ({_of(len(rows), len(fleet.outliers))})", columns, rows)
+    return TextTable.of(f"Outliers of the fleet ({_of(len(rows), len(fleet.outliers))})", columns, rows)
 
 
 def describe_level(fleet: Fleet) -> str:

@@ -23,14 +23,13 @@ from pydantic import Field
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import package_version
 from taskcal.io.files import to_bytes
-from taskcal.io.toml_file import Finite, read_toml
-from taskcal.io.toml_file import Section as FileSection
+from taskcal.io.toml_file import FileSection, Finite, read_toml
 from taskcal.report import chart
-from taskcal.report.content import Chart, Scene, Section
+from taskcal.report.content import Chart, Section, Viewer
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Page:
+class Report:
     """A report, before it is written as a page."""
 
     title: str
@@ -57,7 +56,7 @@ class Page:
             chart_style=Markup(chart.STYLE),  # noqa: S704 - ours
             chart_dark=Markup(chart.dark_style()),  # noqa: S704 - ours
             scene_json=_scene_json,
-            scenes=Markup(_script("scene.js")) if Scene.kind in kinds else "",  # noqa: S704 - ours
+            scenes=Markup(_script("scene.js")) if Viewer.kind in kinds else "",  # noqa: S704 - ours
             behaviour=Markup(_script("page.js")),  # noqa: S704 - ours
         )
 
@@ -67,7 +66,7 @@ def edited_entry(warning: str) -> tuple[str, str]:
     return "warning", warning
 
 
-def _scene_json(scene: Scene) -> Markup:
+def _scene_json(scene: Viewer) -> Markup:
     """Data for a script element, which only a closing tag could end."""
     text = json.dumps(scene.content(), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - escaped here
@@ -172,13 +171,13 @@ FigureFormat = Literal["svg", "pdf"]
 _DRAWN = re.compile(r'<pre id="figure-files">(.*?)</pre>', re.DOTALL)
 
 
-def figures_of(page: "Page") -> dict[str, str]:
+def figures_of(page: "Report") -> dict[str, str]:
     """Name of a file, without its ending, by the title of each figure, in order."""
-    titles = [block.title for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
+    titles = [block.title for section in page.sections for block in section.blocks if isinstance(block, Chart | Viewer)]
     return {title: f"{number:02d}-{_slug(title)}" for number, title in enumerate(titles, start=1)}
 
 
-def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
+def draw_figures(page: "Report", kind: FigureFormat) -> dict[str, bytes]:
     """Every figure of a page, by the title.
 
     Args:
@@ -188,7 +187,7 @@ def draw_figures(page: "Page", kind: FigureFormat) -> dict[str, bytes]:
     Raises:
         TaskcalError: no browser is installed, or it fails.
     """
-    figures = [block for section in page.sections for block in section.blocks if isinstance(block, Chart | Scene)]
+    figures = [block for section in page.sections for block in section.blocks if isinstance(block, Chart | Viewer)]
     if not figures:
         return {}
     alone = replace(page, sections=(Section(page.title, *figures),), header=())
@@ -217,7 +216,7 @@ def _printed(folder: Path, svg: bytes) -> bytes:
     )
 
 
-def print_page(page: Page) -> bytes:
+def print_page(page: Report) -> bytes:
     """A page as PDF.
 
     Raises:

@@ -7,8 +7,8 @@ import numpy as np
 
 from taskcal.campaigns.performance import CyclePerformance, PathPerformance
 from taskcal.report.chart import BLUE, SERIES, SHAPES, VERMILION, Axis, Figure, Panel, Series
-from taskcal.report.content import Chart, Column, Numbers, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.content import Chart, Column, Numbers, Section, TextTable
+from taskcal.report.page import Report
 
 
 def pose_sections(performance: CyclePerformance) -> list[Section]:
@@ -62,7 +62,7 @@ _MEANING = (
 )
 
 
-def performance_page(title: str, sections: Sequence[Section], source: str) -> Page:
+def performance_page(title: str, sections: Sequence[Section], source: str) -> Report:
     """Make the page of poses or of a path.
 
     Args:
@@ -71,7 +71,7 @@ def performance_page(title: str, sections: Sequence[Section], source: str) -> Pa
         source: file of the measurements.
     """
     clauses = "ISO 9283:1998 (poses: 7.2; directions: 7.2.3; distances: 7.3; paths: 8)"
-    return Page(title=title, sections=sections, lead=f"Accuracy and repeatability after {clauses}, from {source}.")
+    return Report(title=title, sections=sections, lead=f"Accuracy and repeatability after {clauses}, from {source}.")
 
 
 def _worst_of_poses(performance: CyclePerformance) -> list[tuple[str, str, str]]:
@@ -134,13 +134,13 @@ def _pose_charts(performance: CyclePerformance) -> list[Chart]:
     ]
 
 
-def tabulate_results(title: str, results: Sequence[Mapping[str, Any]]) -> Table:
+def tabulate_results(title: str, results: Sequence[Mapping[str, Any]]) -> TextTable:
     """Tabulate summaries of poses, directions, distances or paths, a row for each."""
     keys = [key for key in dict.fromkeys(key for result in results for key in result) if key != "left_out"]
     values = {key: [result[key] for result in results if key in result] for key in keys}
     forms = {key: _form(column) for key, column in values.items()}
     columns = [Column(key.replace("_mm", " mm").replace("_deg", " °"), key, forms[key]) for key in keys]
-    return Table.of(title, columns, results)
+    return TextTable.of(title, columns, results)
 
 
 def _form(values: Sequence[Any]) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 
 from taskcal.correction.part_placement import PartPlacements, PlacedPart
 from taskcal.report.chart import BLUE, GREEN, INK, ORANGE, VERMILION, Axis, Figure, Heatmap, Panel, Series
-from taskcal.report.content import Chart, Column, Facts, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.content import Chart, Column, Facts, Section, TextTable
+from taskcal.report.page import Report
 from taskcal.report.task import span_of
 
 # Expected error in planes through a placement, or along one axis.
@@ -141,19 +141,19 @@ COLUMNS = (
 )
 
 
-def tabulate_placements(found: PartPlacements) -> Table:
+def tabulate_placements(found: PartPlacements) -> TextTable:
     """Tabulate the best placements; columns in which no placement has a number are left out."""
     title = f"Best of {len(found.all)} placements of {found.name}; {len(found.ranked)} are feasible and clear of singularities"
-    return Table.of(title, COLUMNS, [placed.summary() for placed in found.ranked[:SHOWN]])
+    return TextTable.of(title, COLUMNS, [placed.summary() for placed in found.ranked[:SHOWN]])
 
 
-def tabulate_obstacles(found: PartPlacements) -> Table | None:
+def tabulate_obstacles(found: PartPlacements) -> TextTable | None:
     """Count rejected placements by their reasons; nothing where none is rejected."""
     reasons = Counter(_reason(placed) for placed in found.all if not placed.possible)
     if not reasons:
         return None
     rows = [(reason, str(number)) for reason, number in reasons.most_common()]
-    return Table.of_rows("Rejected placements", ("first reason", "placements"), rows)
+    return TextTable.of_rows("Rejected placements", ("first reason", "placements"), rows)
 
 
 def _reason(placed: PlacedPart) -> str:
@@ -248,7 +248,7 @@ def placement_sections(found: PartPlacements, *, calibrated: bool) -> list[Secti
     return [best, Section("Region", chart, tabulate_obstacles(found))]
 
 
-def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Page:
+def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Report:
     """Make the page of placements.
 
     Args:
@@ -258,7 +258,7 @@ def placement_page(found: PartPlacements, robot: str, *, calibrated: bool) -> Pa
     """
     ranked = found.ranked
     source = "calibrated" if calibrated else "by its tolerances, in its own base"
-    return Page(
+    return Report(
         title=f"Placement of {found.name}",
         sections=placement_sections(found, calibrated=calibrated),
         lead=f"{len(found.all)} placements before the {robot}, {source}. {len(ranked)} are feasible and clear of singularities. "

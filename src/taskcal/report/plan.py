@@ -11,16 +11,16 @@ from taskcal.planning.plan import Plan, extrapolate_poses
 from taskcal.report.chart import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, Axis, Figure, Level, Panel, Series
 from taskcal.report.content import (
     NOMINAL,
+    Bullets,
     Chart,
     Column,
     Facts,
-    Points,
-    Scene,
     Section,
-    Table,
+    TextTable,
+    Viewer,
     state_model_error,
 )
-from taskcal.report.page import Page
+from taskcal.report.page import Report
 from taskcal.report.scene import (
     MAX_POSES,
     coloured_points,
@@ -83,7 +83,7 @@ def draw_by_count(told: Mapping[str, Any]) -> Figure:
     return Figure(panels=(Panel(x=x, y=y, series=series, levels=tuple(levels), height=320.0),))
 
 
-def tabulate_expected_errors(told: Mapping[str, Any]) -> Table:
+def tabulate_expected_errors(told: Mapping[str, Any]) -> TextTable:
     """Tabulate the expected error after a plan, beside other poses and none."""
     low, high = (numeral(value, ".3f") for value in told["random_expected_error_range_mm"])
     rows = [
@@ -101,14 +101,14 @@ def tabulate_expected_errors(told: Mapping[str, Any]) -> Table:
     if told["measured_before"]:
         poses = Said("{poses} added to {before}", poses=poses, before=told["measured_before"])
     title = Said("Expected 3D rms error over task '{task}', {poses}, mm", task=told["task"], poses=poses)
-    return Table.of(title, columns, rows)
+    return TextTable.of(title, columns, rows)
 
 
-def tabulate_by_count(told: Mapping[str, Any]) -> Table:
+def tabulate_by_count(told: Mapping[str, Any]) -> TextTable:
     """Tabulate the expected error after so many poses of the greedy choice, as far as it is below that of none."""
     count, errors = told["count"], told["by_count_mm"]
     shown = sorted({n for n in COUNTS if n < count} | {count})
-    return Table.of(
+    return TextTable.of(
         Said("Expected error against number of poses (greedy selection)"),
         (Column(Said("poses"), lambda n: n, "d"), Column(Said("expected mm"), lambda n: errors[n - 1], ".3f")),
         [n for n in shown if errors[n - 1] < told["before_mm"]],
@@ -276,10 +276,10 @@ def _how_to_measure(told: Mapping[str, Any], robot: Robot) -> Section:
         else "",
     ]
     table = _tabulate_fixtures(told) if "fixture" in told else None
-    return Section(Said("How to measure"), table, Points(*filter(None, said)))
+    return Section(Said("How to measure"), table, Bullets(*filter(None, said)))
 
 
-def _tabulate_fixtures(told: Mapping[str, Any]) -> Table:
+def _tabulate_fixtures(told: Mapping[str, Any]) -> TextTable:
     columns = (
         Column(term(told["fixture"]), "name"),
         *(Column(f"{axis} mm", lambda one, k=k: one["position_mm"][k], ".0f") for k, axis in enumerate("xyz")),
@@ -288,7 +288,7 @@ def _tabulate_fixtures(told: Mapping[str, Any]) -> Table:
     )
     whose = Said("as stated") if told["fixtures_stated"] else Said("assumed")
     title = Said("Positions of the fixtures in the base frame, {whose}, and their directions", whose=whose)
-    return Table.of(title, columns, told["standing"])
+    return TextTable.of(title, columns, told["standing"])
 
 
 def _meaning(told: Mapping[str, Any]) -> Said:
@@ -313,7 +313,7 @@ def _meaning(told: Mapping[str, Any]) -> Said:
     )
 
 
-def tabulate_poses(told: Mapping[str, Any], robot: Robot, q: Float[np.ndarray, "n joints"]) -> Table:
+def tabulate_poses(told: Mapping[str, Any], robot: Robot, q: Float[np.ndarray, "n joints"]) -> TextTable:
     """Tabulate the poses of a plan, and what is known of each.
 
     Args:
@@ -336,7 +336,7 @@ def tabulate_poses(told: Mapping[str, Any], robot: Robot, q: Float[np.ndarray, "
         *([Column(Said("visible"), lambda k: ", ".join(told["visible"][k]))] if "visible" in told else []),
         *(Column(name, values.__getitem__, ".0f") for name, values in figures.items()),
     ]
-    return Table.of(Said("All {count} poses", count=len(q)), columns, range(len(q)), folded=True)
+    return TextTable.of(Said("All {count} poses", count=len(q)), columns, range(len(q)), folded=True)
 
 
 # A plan in space.
@@ -345,7 +345,7 @@ STEM = 0.04
 """Length at which the tool's axis is drawn, over the robot's reach."""
 
 
-def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
+def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Viewer:
     """Draw the robot at the planned poses, the path between them, and the task's workspace.
 
     Args:
@@ -377,7 +377,7 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
     if space is not None:
         layers.append(workspace_layer(space))
     rows = spread_rows(len(points), MAX_POSES)
-    return Scene(
+    return Viewer(
         title="The robot at the planned poses",
         poses=draw_robot(robot, plan.q[rows], [f"id {row}" for row in rows]),
         look=robot_look(robot),
@@ -388,7 +388,7 @@ def plan_scene(model: ErrorModel, plan: Plan, space: Workspace | None) -> Scene:
     )
 
 
-def plan_page(model: ErrorModel, task: Task, plan: Plan, told: Mapping[str, Any], *, seed: int) -> Page:
+def plan_page(model: ErrorModel, task: Task, plan: Plan, told: Mapping[str, Any], *, seed: int) -> Report:
     """Make the page of a plan.
 
     Args:
@@ -400,7 +400,7 @@ def plan_page(model: ErrorModel, task: Task, plan: Plan, told: Mapping[str, Any]
     """
     poses = (plan_scene(model, plan, task.workspace), tabulate_poses(told, model.robot, plan.q))
     robot = model.robot.title or model.robot.name
-    return Page(
+    return Report(
         title=f"Measurement poses for {task.name}",
         sections=(*plan_sections(told, model.robot), Section("Measurement poses", *poses)),
         lead=f"{len(plan.q)} poses of the {robot}, chosen among {plan.candidates} feasible ones.",

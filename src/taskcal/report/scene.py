@@ -10,7 +10,7 @@ from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.validation import MeasuredErrors
 from taskcal.report.chart import BLUE, PURPLE, VERMILION
-from taskcal.report.content import Scene
+from taskcal.report.content import Viewer
 from taskcal.robot.mechanism import trace_skeleton
 from taskcal.robot.robot import Robot
 from taskcal.task.workspace import Workspace
@@ -105,7 +105,7 @@ MAX_DISTANCE = 1.6
 """Of a tracker that is drawn where it is, over the robot's reach; the scene would shrink for one farther away."""
 
 
-def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspace | None) -> Scene:
+def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspace | None) -> Viewer:
     """Draw the robot at measured poses, the measured points and their errors.
 
     Args:
@@ -140,7 +140,7 @@ def robot_scene(calibration: Calibration, errors: MeasuredErrors, space: Workspa
         layers.append(workspace_layer(space))
     layers.append(_tracker(calibration))
     typical = float(np.median(np.linalg.norm(before[seen], axis=1))) if len(seen) else 0.0
-    return Scene(
+    return Viewer(
         title="Measured points and errors",
         poses=draw_robot(robot, errors.q[rows], names),
         look=robot_look(robot),

@@ -8,8 +8,8 @@ from taskcal.analysis.sensitivity import Sensitivity
 from taskcal.planning.selection import NestedModel, Selection
 from taskcal.planning.task_map import TaskCurves, TaskMaps
 from taskcal.report.chart import GREEN, INK, PURPLE, VERMILION, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Chart, Column, Facts, Section, Table, millimetres, state_model_error
-from taskcal.report.page import Page
+from taskcal.report.content import Chart, Column, Facts, Section, TextTable, millimetres, state_model_error
+from taskcal.report.page import Report
 from taskcal.report.sensitivity import draw_effects, tabulate_effects
 from taskcal.report.task import task_section
 from taskcal.robot.error_model import ErrorModel
@@ -72,7 +72,7 @@ def _chosen(selection: Selection) -> NestedModel:
 # The tables of a choice of parameters, for the terminal and for its page.
 
 
-def tabulate_ladder(selection: Selection) -> Table:
+def tabulate_ladder(selection: Selection) -> TextTable:
     """Tabulate the error over the task by size of the model; cross-validated where there were measurements.
 
     Neighbouring sizes with the same figures share a row.
@@ -88,10 +88,10 @@ def tabulate_ladder(selection: Selection) -> Table:
     )
     shown = columns[1:]
     rows = [list(sizes) for _, sizes in groupby(selection.ladder, lambda one: [column.cell([one]) for column in shown])]
-    return Table.of("3D error over the task, by size of the model", columns, rows, folded=True)
+    return TextTable.of("3D error over the task, by size of the model", columns, rows, folded=True)
 
 
-def tabulate_dropped(selection: Selection, model: ErrorModel) -> Table:
+def tabulate_dropped(selection: Selection, model: ErrorModel) -> TextTable:
     """Tabulate why parameters were dropped, in the order in which the first of each reason was, and which."""
     symbols = {p.name: p.symbol for p in model.parameters}
     whole = {own[0]: name for name, own in selection.groups.items()}
@@ -105,7 +105,7 @@ def tabulate_dropped(selection: Selection, model: ErrorModel) -> Table:
             )
     rows = [(reason, ", ".join(names)) for reason, names in by_reason.items()]
     title = f"The {len(selection.dropped)} dropped parameters"
-    return Table.of_rows(title, ("reason", "parameters"), rows, text_columns=(0, 1), folded=True)
+    return TextTable.of_rows(title, ("reason", "parameters"), rows, text_columns=(0, 1), folded=True)
 
 
 def selection_page(
@@ -117,7 +117,7 @@ def selection_page(
     *,
     accuracy: float | None,
     measured: str,
-) -> Page:
+) -> Report:
     """Make the page of a choice of parameters.
 
     Args:
@@ -134,7 +134,7 @@ def selection_page(
         task_section(model, maps, f"the {len(selection.kept)} chosen parameters", measured),
     ]
     robot = model.robot.title or model.robot.name
-    return Page(
+    return Report(
         title=f"The parameters that {task.name} needs",
         sections=tuple(sections),
         lead=f"A smaller model of the {robot}, chosen by the error to be expected over the task.",

@@ -20,8 +20,8 @@ from taskcal.analysis.identifiability import (
 from taskcal.analysis.sensitivity import MeasuringNoise, Sensitivity
 from taskcal.planning.task_map import TaskCurves, TaskMaps
 from taskcal.report.chart import AXIS_COLOURS, INK, SERIES, SHAPES, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Chart, Column, Facts, Numbers, Section, Table
-from taskcal.report.page import Page
+from taskcal.report.content import Chart, Column, Facts, Numbers, Section, TextTable
+from taskcal.report.page import Report
 from taskcal.report.task import task_section
 from taskcal.robot.parameter import Parameter
 from taskcal_groundwork.said import Said
@@ -141,7 +141,7 @@ MAX_DIRECTIONS, MAX_TERMS = 5, 5
 """Directions that are shown, and terms of each."""
 
 
-def tabulate_distinguishable(told_apart: DistinguishableDirections, symbols: Mapping[str, str]) -> Table:
+def tabulate_distinguishable(told_apart: DistinguishableDirections, symbols: Mapping[str, str]) -> TextTable:
     """The directions that a measurement determines least.
 
     Args:
@@ -159,7 +159,7 @@ def tabulate_distinguishable(told_apart: DistinguishableDirections, symbols: Map
         Column("posterior/prior σ", "left", ".3f"),
         Column("determined", lambda direction: "yes" if direction.information > 1.0 else "no"),
     )
-    return Table.of(
+    return TextTable.of(
         "Least determined parameter directions (prior-normalised)", columns, told_apart.directions[:MAX_DIRECTIONS]
     )
 
@@ -175,7 +175,7 @@ def count_distinguishable(told_apart: DistinguishableDirections) -> str:
 # The tables of single parameters: what elimination says of each, and their effects over some poses.
 
 
-def tabulate_eliminated(title: str, table: EliminationTable, rows: Iterable[EliminationRow]) -> Table:
+def tabulate_eliminated(title: str, table: EliminationTable, rows: Iterable[EliminationRow]) -> TextTable:
     """What was published of some parameters, which one other each equals at all poses, and what elimination at each set says.
 
     Args:
@@ -194,16 +194,16 @@ def tabulate_eliminated(title: str, table: EliminationTable, rows: Iterable[Elim
             for label in sets
         ),
     )
-    return Table.of(title, columns, rows)
+    return TextTable.of(title, columns, rows)
 
 
-def tabulate_all_eliminated(table: EliminationTable, note: str = "") -> Table:
+def tabulate_all_eliminated(table: EliminationTable, note: str = "") -> TextTable:
     """Tabulate the elimination of all parameters, which a page shows on demand."""
     whole = tabulate_eliminated(f"Elimination of all {len(table.rows)} parameters", table, table.rows)
     return replace(whole, note=note, folded=True)
 
 
-def tabulate_effects(found: Sensitivity) -> Table:
+def tabulate_effects(found: Sensitivity) -> TextTable:
     """Largest and root mean square effect of every parameter: per unit, and for its tolerance."""
     sizes = (found.maximum, found.maximum_in_space, found.rms_per_axis, found.rms)
     raw = np.vstack([size() for size in sizes]) * found.to_shown()
@@ -217,7 +217,7 @@ def tabulate_effects(found: Sensitivity) -> Table:
         Column("tolerance", lambda i: parameters[i].stated_tolerance, "s"),
         *(Column(f"{kind} mm", values.__getitem__, ".3f") for kind, values in zip(kinds, scaled, strict=True)),
     )  # fmt: skip
-    return Table.of(
+    return TextTable.of(
         f"All {len(parameters)} parameters in numbers",
         columns,
         range(len(parameters)),
@@ -264,7 +264,7 @@ def sensitivity_section(
     gone = [row for row in table.rows if fate[row.name] != "kept" or row.published not in ("", "kept")]
     return Section(
         "Sensitivity",
-        Table.of(title, columns, parameters, spare=spare),
+        TextTable.of(title, columns, parameters, spare=spare),
         tabulate_eliminated("Linearly dependent parameters at these poses", table, gone),
         tabulate_distinguishable(told_apart, _symbols(found)),
         Facts(*_identifiable(found, table, told_apart, noise)),
@@ -307,7 +307,7 @@ def sensitivity_page(
     *,
     maps: TaskMaps | TaskCurves | None,
     poses: str,
-) -> Page:
+) -> Report:
     """Make the page of a sensitivity analysis.
 
     Args:
@@ -324,7 +324,7 @@ def sensitivity_page(
         measured = "the task's own poses" if isinstance(maps, TaskCurves) else "60 poses spread over the task"
         sections.append(task_section(model, maps, f"all {len(model)} parameters", measured))
     robot = model.robot.title or model.robot.name
-    return Page(
+    return Report(
         title=f"Sensitivity of the {robot}",
         sections=sections,
         lead=f"{len(model)} parameters over {poses}.",

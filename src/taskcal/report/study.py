@@ -5,8 +5,8 @@ from collections import Counter
 from taskcal.errors import listed, shown
 from taskcal.planning.study import Study
 from taskcal.report.chart import SERIES, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import NOMINAL, Chart, Column, Facts, Section, Table, state_model_error
-from taskcal.report.page import Page
+from taskcal.report.content import NOMINAL, Chart, Column, Facts, Section, TextTable, state_model_error
+from taskcal.report.page import Report
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task
 
@@ -39,7 +39,7 @@ def draw_study(study: Study) -> Figure:
     return Figure(panels=(Panel(x=x, y=Axis(categories=tuple(places)), series=tuple(series), levels=levels),))
 
 
-def tabulate_study(study: Study, task: str) -> Table:
+def tabulate_study(study: Study, task: str) -> TextTable:
     """Tabulate quantiles over the robots for each instrument, plan, number of poses and model.
 
     Args:
@@ -62,7 +62,7 @@ def tabulate_study(study: Study, task: str) -> Table:
         columns.append(Column(f"within {study.accuracy * 1e3:g} mm", "share_accurate", ".0%"))
     count = f"{study.robots} simulated robots{', those that were fitted' if study.failed else ''}"
     title = f"True 3D rms error of the identified geometry over '{task}', {count}"
-    return Table.of(title, columns, study.summary())
+    return TextTable.of(title, columns, study.summary())
 
 
 def describe_unlearnt(study: Study) -> str:
@@ -131,7 +131,7 @@ def study_section(study: Study, robot: str, task: str) -> Section:
     )
 
 
-def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
+def study_page(model: ErrorModel, task: Task, study: Study) -> Report:
     """Make the page of a study.
 
     Args:
@@ -140,7 +140,7 @@ def study_page(model: ErrorModel, task: Task, study: Study) -> Page:
         study: what it found.
     """
     robot = model.robot.title or model.robot.name
-    return Page(
+    return Report(
         title=f"Study of {task.name}",
         sections=(study_section(study, model.robot.name, task.name),),
         lead=f"{study.robots} simulated robots of type {robot}.",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from taskcal.report.chart import VERMILION, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Block, Column, Points, Section, Step, Table
+from taskcal.report.content import Block, Bullets, Column, NextStep, Section, TextTable
 from taskcal_groundwork.said import Said, term
 
 COLUMNS = (
@@ -36,7 +36,7 @@ def describe_largest(judgement: Mapping[str, Any]) -> str:
     return Said("{source} {share:.0%}", source=term(judgement["largest"]), share=judgement["share"])
 
 
-def tabulate_verdict(verdict: Mapping[str, Any]) -> Table:
+def tabulate_verdict(verdict: Mapping[str, Any]) -> TextTable:
     """Tabulate the verdict, as `Verdict.summary` has it; lengths in millimetres, 3D rms."""
     files, rule = verdict["program"], {"tool": term(verdict["tool"]), "rule": term(verdict["rule"])}
     program = Said("the program {files}", files=files) if files else Said("the program")
@@ -55,7 +55,7 @@ def tabulate_verdict(verdict: Mapping[str, Any]) -> Table:
             **rule,
         )
     )
-    return Table.of(Said("Verdict: expected error, 3D rms"), COLUMNS, verdict["judgements"], note=note)
+    return TextTable.of(Said("Verdict: expected error, 3D rms"), COLUMNS, verdict["judgements"], note=note)
 
 
 def state_verdict(verdict: Mapping[str, Any]) -> Said:
@@ -165,13 +165,13 @@ def verdict_section(verdict: Mapping[str, Any]) -> Section:
         source=term(last["largest"]),
         remedy=term(last["remedy"]),
     )
-    return Section(Said("Verdict"), *verdict_blocks(verdict), Step(words, about=last["largest"]))
+    return Section(Said("Verdict"), *verdict_blocks(verdict), NextStep(words, about=last["largest"]))
 
 
 def verdict_blocks(verdict: Mapping[str, Any]) -> list[Block | str]:
     """Make what says the verdict: its sentence, its table and what is not known."""
     reasons = state_reasons(verdict)
-    return [state_verdict(verdict), tabulate_verdict(verdict), *([Points(*reasons)] if reasons else [])]
+    return [state_verdict(verdict), tabulate_verdict(verdict), *([Bullets(*reasons)] if reasons else [])]
 
 
 def with_program(verdict: Mapping[str, Any], result: Any) -> Mapping[str, Any] | None:

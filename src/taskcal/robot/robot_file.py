@@ -13,7 +13,17 @@ from taskcal.arguments import repeated
 from taskcal.errors import FileError, RobotError, TaskcalError, UnknownName, shown
 from taskcal.geometry import se3
 from taskcal.geometry.four_bar import FourBar
-from taskcal.io.toml_file import Direction, Finite, NotNegative, Positive, Section, Sign, Stiffness, explain, read_toml
+from taskcal.io.toml_file import (
+    Direction,
+    FileSection,
+    Finite,
+    NotNegative,
+    Positive,
+    Sign,
+    Stiffness,
+    explain,
+    read_toml,
+)
 from taskcal.kernels.chain import JointKind
 from taskcal.robot.joint_side import FourBarDrive, JointMap
 from taskcal.robot.robot import CoupledLimit, DrivenJoint, ModelError, Part, Published, Robot, RobotJoint, Tolerances
@@ -24,7 +34,7 @@ from taskcal.robot.statics import Body, CoilSpring, Statics
 Point = tuple[Finite, Finite, Finite]
 
 
-class PayloadSection(Section):
+class PayloadSection(FileSection):
     """Payload of the flange, tool included."""
 
     mass_kg: NotNegative
@@ -35,7 +45,7 @@ class PayloadSection(Section):
         return body(self.mass_kg, self.centre_mm)
 
 
-class SpringSection(Section):
+class SpringSection(FileSection):
     """A coil spring beside an axis."""
 
     joint: str
@@ -81,7 +91,7 @@ def body(mass_kg: float, centre_mm: Point) -> Body:
 # The parts of a robot file that say how its chain runs: elementary steps, rows of a table, joints.
 
 
-class StepSection(Section):
+class StepSection(FileSection):
     """One elementary step: exactly one translation or rotation."""
 
     tx_mm: Finite | None = None
@@ -114,7 +124,7 @@ class StepSection(Section):
         return Part(transform=se3.translation(*offset), symbol=self.symbol, axis=axis)
 
 
-class DHSection(Section):
+class DHSection(FileSection):
     """A row of a Denavit–Hartenberg table, but for the joint's offset."""
 
     alpha_deg: Finite = 0.0
@@ -122,7 +132,7 @@ class DHSection(Section):
     d_mm: Finite = 0.0
 
 
-class JointSection(Section):
+class JointSection(FileSection):
     """A joint with the parts that lead to it: elementary steps, or a row of a table."""
 
     name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,79}$")
@@ -266,7 +276,7 @@ def _terms(node: ast.expr, text: str) -> dict[str, float]:
     raise RobotError(f"'{shown(text)}' is not linear in joint names; write for example '-(J2 + J3)'")
 
 
-class FourBarSection(Section):
+class FourBarSection(FileSection):
     """A four-bar that drives a joint from a motor elsewhere."""
 
     drives: str
@@ -281,7 +291,7 @@ class FourBarSection(Section):
     assembly: Sign = 1
 
 
-class CoupledLimitSection(Section):
+class CoupledLimitSection(FileSection):
     """Limits on a linear combination of joints."""
 
     of: str
@@ -296,7 +306,7 @@ class CoupledLimitSection(Section):
         return self
 
 
-class ToleranceSection(Section):
+class ToleranceSection(FileSection):
     """Standard deviations of the defects."""
 
     translation_mm: Positive = 1.0
@@ -306,7 +316,7 @@ class ToleranceSection(Section):
     parameter_mrad: dict[str, Positive] = Field(default_factory=dict)
 
 
-class ModelErrorSection(Section):
+class ModelErrorSection(FileSection):
     """Model error of such robots."""
 
     position_mm: NotNegative
@@ -317,7 +327,7 @@ class ModelErrorSection(Section):
         return ModelError(position=self.position_mm * 1e-3, source=self.source)
 
 
-class PublishedSection(Section):
+class PublishedSection(FileSection):
     """Statements of a publication on the parameters."""
 
     source: str
@@ -330,7 +340,7 @@ MAX_JOINTS = 50
 """Two arms of seven joints on a gantry have half as many."""
 
 
-class RobotFile(Section):
+class RobotFile(FileSection):
     """A robot file."""
 
     name: str = Field(min_length=1)

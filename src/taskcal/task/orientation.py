@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from taskcal.geometry import se3
 from taskcal.geometry.euler import ANGLES, AngleForm, from_angles
-from taskcal.io.toml_file import Direction, Finite, Quaternion, Section
+from taskcal.io.toml_file import Direction, FileSection, Finite, Quaternion
 from taskcal.tables.table import QUATERNION, Table
 
 Triple = tuple[Finite, Finite, Finite]
@@ -14,7 +14,7 @@ Triple = tuple[Finite, Finite, Finite]
 WAYS = ("quaternion", "rpy_deg", "abc_deg", "wpr_deg")
 
 
-class TurnSection(Section):
+class TurnSection(FileSection):
     """A rotation, stated in one way at most."""
 
     quaternion: Quaternion | None = None

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from taskcal.arguments import checked
 from taskcal.errors import FileError, ReachError
 from taskcal.geometry import se3
-from taskcal.io.toml_file import Direction, Finite, HalfTurn, Positive, Section, read_toml
+from taskcal.io.toml_file import Direction, FileSection, Finite, HalfTurn, Positive, read_toml
 from taskcal.kinematics.inverse import (
     ANY_MISS,
     Reached,
@@ -344,7 +344,7 @@ class FrameSection(TurnSection):
     position_mm: Triple
 
 
-class AccuracySection(Section):
+class AccuracySection(FileSection):
     """The accuracy needed: in space, or along each axis."""
 
     position_mm: Positive | None = None
@@ -361,7 +361,7 @@ class AccuracySection(Section):
         return (self.position_mm or min(self.per_axis_mm or (0.0,))) * 1e-3
 
 
-class TaskFile(Section):
+class TaskFile(FileSection):
     """A task file."""
 
     name: str = Field(min_length=1)

@@ -13,7 +13,7 @@ from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import tracker_error
 from taskcal.report.calibration import ERRORS
-from taskcal.report.content import Column, Table, moment
+from taskcal.report.content import Column, TextTable, moment
 from taskcal.report.fit import may_have_effects
 from taskcal_studio.controls import button, facts, line_of_text, message, tabulated, text
 from taskcal_studio.option_form import of_project, option_fields
@@ -136,4 +136,4 @@ def _compare(project: Project, texts: Texts) -> None:
         Column(texts("identify.note"), "note", optional=True),
     )
     text("h2", texts("identify.side_by_side"))
-    tabulated(Table.of(texts("identify.errors"), columns, rows), texts=texts)
+    tabulated(TextTable.of(texts("identify.errors"), columns, rows), texts=texts)

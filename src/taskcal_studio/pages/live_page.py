@@ -18,7 +18,7 @@ from taskcal.errors import TaskcalError
 from taskcal.live.devices import Device, controllers, instruments
 from taskcal.live.options import Driving
 from taskcal.report.chart import Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Table
+from taskcal.report.content import TextTable
 from taskcal.robot.robot import Robot
 from taskcal.task.task import load_task
 from taskcal_studio.controls import (
@@ -48,7 +48,7 @@ REPORT = ".report.html"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class RunProgress:
     """What the lines of a run say."""
 
     known: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class Measured:
     """What it told in words."""
 
     @classmethod
-    def of(cls, lines: Sequence[str]) -> "Measured":
+    def of(cls, lines: Sequence[str]) -> "RunProgress":
         """Read lines of ``taskcal measure --json``."""
         said = list(filter(None, map(_parsed, lines)))
         return cls(
@@ -102,12 +102,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     if run is not None and is_running(run):
         meshes = await asyncio.to_thread(meshes_if_sound, project)
         command_line(run.line, texts)
-        _Shown(run, robot, texts).follow(partial(CellView, robot, meshes=meshes))
+        _ShownRun(run, robot, texts).follow(partial(CellView, robot, meshes=meshes))
         return
     if run is not None:
         show_run(studio, ASKS, texts)
         _show_end(run, project, texts)
-        _Shown(run, robot, texts).show()
+        _ShownRun(run, robot, texts).show()
     _choose(project, texts)
     drives = _drives(project, texts)
     _begin_buttons(studio, run, drives, texts)
@@ -263,7 +263,7 @@ def _show_end(run: CommandRun, project: Project, texts: Texts) -> None:
             download(texts, f"{LAYOUT.reports}/{Path(result['campaign']).stem}{REPORT}")
 
 
-class _Shown:
+class _ShownRun:
     """A run on the page, as far as it is."""
 
     def __init__(self, run: CommandRun, robot: Robot, texts: Texts) -> None:
@@ -279,7 +279,7 @@ class _Shown:
             said = text("span", texts("live.waiting")).props("role=status")
 
             async def stop() -> None:
-                measured = Measured.of(run.lines)
+                measured = RunProgress.of(run.lines)
                 if measured.go_to is None and measured.left is None:  # it may not hear yet, and has no row in hand
                     await run.cancel()
                     return
@@ -302,7 +302,7 @@ class _Shown:
             nonlocal view
             if self._read != (len(run.lines), len(run.messages)):
                 self._read = len(run.lines), len(run.messages)
-                measured = Measured.of(run.lines)
+                measured = RunProgress.of(run.lines)
                 for part in (notes, where, place):
                     part.clear()
                 with notes:
@@ -334,17 +334,17 @@ class _Shown:
 
     def show(self) -> None:
         """Show what was told, and known in the end."""
-        measured = Measured.of(self._run.lines)
+        measured = RunProgress.of(self._run.lines)
         for note in notes_of(measured, self._texts)[-MAX_NOTES:]:
             message(note, fine=True)
         self._known(measured)
 
-    def _postures(self, measured: Measured) -> Float[np.ndarray, "n joints"]:
+    def _postures(self, measured: RunProgress) -> Float[np.ndarray, "n joints"]:
         """What the first view shows as a whole: the pose to go to, those measured, and the robot stretched out."""
         poses = [(measured.go_to or {})["go_to"], *(one["pose"] for one in measured.known.values())]
         return np.array([*(np.array(list(pose.values())) * self._units for pose in poses), posture(self._robot)])
 
-    def _ask(self, measured: Measured, place: Element) -> None:
+    def _ask(self, measured: RunProgress, place: Element) -> None:
         """Show the question that waits, with its answers; once, so that what is being typed stays."""
         texts, run, question = self._texts, self._run, measured.question
         now = "" if question is None else json.dumps([question, sum('"question"' in line for line in run.lines)])
@@ -375,7 +375,7 @@ class _Shown:
             line_of_text(texts("live.joints", names=names), "", take)
             button(texts("live.take_joints"), lambda: run.answer(typed))
 
-    def _left(self, measured: Measured) -> None:
+    def _left(self, measured: RunProgress) -> None:
         """Poses of the program that are left, those first that bring most."""
         if measured.left is None:
             return
@@ -383,9 +383,9 @@ class _Shown:
         shown = [(one.partition("-")[0], texts.named("live", f"purpose_{_purpose(one)}")) for one in left[:MAX_LEFT]]
         title = texts("live.left_of_program", count=len(left))
         header = (texts("live.pose"), texts("live.serves"))
-        tabulated(Table.of_rows(title, header, shown, text_columns=(0, 1)))
+        tabulated(TextTable.of_rows(title, header, shown, text_columns=(0, 1)))
 
-    def _pose(self, measured: Measured, view: CellView | None) -> None:
+    def _pose(self, measured: RunProgress, view: CellView | None) -> None:
         """The pose to go to, in numbers and drawn."""
         if measured.go_to is None:
             return
@@ -399,9 +399,9 @@ class _Shown:
         ]
         purpose = texts.named("live", f"purpose_{measured.go_to['purpose']}")
         title = texts("live.go_to", number=measured.go_to["number"], purpose=purpose)
-        tabulated(Table.of_rows(title, (texts("robot.joint"), texts("live.position")), rows))
+        tabulated(TextTable.of_rows(title, (texts("robot.joint"), texts("live.position")), rows))
 
-    def _known(self, measured: Measured) -> None:
+    def _known(self, measured: RunProgress) -> None:
         """What is known after the last row, and its curve."""
         last, texts = measured.last, self._texts
         if last is None:
@@ -421,12 +421,12 @@ def _purpose(name: str) -> str:
     return name.partition("-")[2] or "chosen"
 
 
-def notes_of(measured: Measured, texts: Texts) -> list[str]:
+def notes_of(measured: RunProgress, texts: Texts) -> list[str]:
     """What was told in words, in the page's language."""
     return [texts.sentence(note["said"]) for note in measured.notes]
 
 
-def facts_of(measured: Measured, last: Mapping[str, Any], texts: Texts) -> list[tuple[str, str]]:
+def facts_of(measured: RunProgress, last: Mapping[str, Any], texts: Texts) -> list[tuple[str, str]]:
     """Facts after a row."""
 
     def mm(value: float) -> str:

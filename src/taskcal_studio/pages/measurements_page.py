@@ -22,7 +22,7 @@ from taskcal.observations import images_of
 from taskcal.reading.detection import SUFFIXES
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
-from taskcal.report.content import Column, Table
+from taskcal.report.content import Column, TextTable
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal_studio.controls import button, drop_zone, facts, headline, message, tabulated, text
@@ -40,7 +40,7 @@ from taskcal_studio.results import (
 )
 from taskcal_studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal_studio.runs import Status, Studio
-from taskcal_studio.selection import Selection
+from taskcal_studio.selection import RowSelection
 from taskcal_studio.stated_options import asked
 from taskcal_studio.steps import begin, choose_file, choose_or_drop, is_running, link, show_error, show_run
 from taskcal_studio.texts import LIBRARY_LANGUAGE, Texts
@@ -143,7 +143,7 @@ async def build(studio: Studio, texts: Texts) -> None:
     show_run(studio, "convert", texts, about=choices.campaign)
     measured = await asyncio.to_thread(registered_rows, ErrorModel(robot), campaign)
     meshes = await asyncio.to_thread(meshes_if_sound, project)
-    with Selection(len(campaign)) as selection:
+    with RowSelection(len(campaign)) as selection:
         _understood(campaign, robot, texts)
         ColumnEditor(studio, robot, texts)
         concerned = concerned_rows(findings, campaign)
@@ -224,7 +224,7 @@ def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
         return
     first = campaign.take(slice(MAX_FIRST_ROWS))
     header, *rows = csv.reader(campaign_text(first, robot).splitlines())
-    shown = Table.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows))
+    shown = TextTable.of_rows(texts("measurements.first_rows", count=len(rows)), tuple(header), map(tuple, rows))
     tabulated(shown, range(len(rows)))
 
 
@@ -292,7 +292,7 @@ def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts:
         Column(texts("measurements.sure"), "confidence", ".0%"),
         Column(texts("measurements.mends"), lambda one: mend(one, texts)),
     )
-    tabulated(Table.of(texts("measurements.found"), columns, findings))
+    tabulated(TextTable.of(texts("measurements.found"), columns, findings))
     if is_running(studio.run_of("mend")):
         return
     written = [one for one in findings if is_of_file(one)]
@@ -404,7 +404,7 @@ def _list_concerned(concerned: Mapping[int, str], campaign: Campaign, robot: Rob
     ]
     names = (texts("measurements.finding"), texts("measurements.row"), *header[1:])
     title = texts("measurements.concerned", count=len(concerned))
-    tabulated(Table.of_rows(title, names, told, text_columns=(0, 1)), listed)
+    tabulated(TextTable.of_rows(title, names, told, text_columns=(0, 1)), listed)
 
 
 def _in_space(
@@ -413,7 +413,7 @@ def _in_space(
     robot: Robot,
     meshes: RobotMeshes | None,
     concerned: Mapping[int, str],
-    selection: Selection,
+    selection: RowSelection,
     texts: Texts,
 ) -> None:
     """The robot at the selected row, and all points; those of rows that a finding concerns stand out."""

@@ -26,7 +26,7 @@ from taskcal_studio.results import plan_of, program_of, read_result, robot_of
 from taskcal_studio.robot_meshes import meshes_if_sound
 from taskcal_studio.runs import Studio
 from taskcal_studio.sections import show_sections
-from taskcal_studio.selection import Selection
+from taskcal_studio.selection import RowSelection
 from taskcal_studio.stated_options import OF_IMAGES, OF_TRACKER, arguments, asked, offered
 from taskcal_studio.steps import begin, choose_file, choose_or_drop, download, is_running, show_run
 from taskcal_studio.texts import Texts
@@ -132,7 +132,7 @@ async def _poses(
         return ". ".join((texts("player.at", id=ids[row], count=len(q)), *said))
 
     meshes = await asyncio.to_thread(meshes_if_sound, project)
-    with Selection(len(q)) as selection:
+    with RowSelection(len(q)) as selection:
         view = CellView(
             robot,
             q,

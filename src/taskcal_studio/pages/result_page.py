@@ -13,7 +13,7 @@ from taskcal.errors import TaskcalError
 from taskcal.export.camera import Pictured
 from taskcal.identification.calibration import Calibration, load_calibration
 from taskcal.report.calibration import calibration_sections
-from taskcal.report.content import Column, Scene, Section, Table, millimetres
+from taskcal.report.content import Column, Section, TextTable, Viewer, millimetres
 from taskcal.task.task import load_task
 from taskcal_studio.controls import ValueInput, facts, line_of_text, tabulated, text
 from taskcal_studio.measured_rows import MeasuredRows, fitted_rows
@@ -22,7 +22,7 @@ from taskcal_studio.results import contents, read_measured
 from taskcal_studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal_studio.runs import Studio
 from taskcal_studio.sections import show_sections
-from taskcal_studio.selection import Selection
+from taskcal_studio.selection import RowSelection
 from taskcal_studio.steps import choose_calibration, link, show_error
 from taskcal_studio.texts import Texts
 from taskcal_studio.verdict import latest, show_verdict
@@ -61,9 +61,9 @@ async def build(studio: Studio, texts: Texts) -> None:
     measured = await asyncio.to_thread(fitted_rows, calibration)
     same = await asyncio.to_thread(contents, project)
     drawn_as = meshes_if_sound(project) if calibration.provenance.robot_digest == same["robot"] else None
-    with Selection(len(calibration.q)) as selection:
+    with RowSelection(len(calibration.q)) as selection:
 
-        def in_space(_: Scene) -> None:
+        def in_space(_: Viewer) -> None:
             if measured is not None:
                 _in_space(measured, calibration, drawn_as, selection, texts)
 
@@ -113,11 +113,11 @@ def _by_row(calibration: Calibration, texts: Texts) -> None:
         *(millimetres(f"{axis} mm", lambda at, k=k: residuals[at][k], "+.4f") for k, axis in enumerate("xyz")),
         millimetres(texts("result.size"), lambda at: sizes[at], ".4f"),
     )
-    tabulated(Table.of(texts("result.worst", count=len(rows)), columns, rows), [int(row) for row, _ in rows])
+    tabulated(TextTable.of(texts("result.worst", count=len(rows)), columns, rows), [int(row) for row, _ in rows])
 
 
 def _in_space(
-    measured: MeasuredRows, calibration: Calibration, meshes: RobotMeshes | None, selection: Selection, texts: Texts
+    measured: MeasuredRows, calibration: Calibration, meshes: RobotMeshes | None, selection: RowSelection, texts: Texts
 ) -> None:
     """The robot at the selected row, and residuals as lines from where its targets were predicted to be."""
     points, rows, targets = measured.cloud

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from taskcal.errors import TaskcalError, listed
 from taskcal.geometry import se3
-from taskcal.report.content import Column, Table
+from taskcal.report.content import Column, TextTable
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot, RobotJoint
@@ -237,7 +237,7 @@ def _describe(robot: Robot, model: ErrorModel, texts: Texts) -> None:
         ),
     )
     text("h2", texts("robot.joints"))
-    tabulated(Table.of(texts("robot.joints_of", robot=robot.title), columns, robot.joints))
+    tabulated(TextTable.of(texts("robot.joints_of", robot=robot.title), columns, robot.joints))
     told = [(texts("robot.parameters"), str(len(model)))]
     told += [(texts("robot.loop"), texts("robot.yes" if robot.four_bar else "robot.no"))]
     told += [(texts("robot.source"), line) for line in robot.source]

@@ -11,7 +11,7 @@ from nicegui.elements.mixins.text_element import TextElement
 from taskcal.analysis.identifiability import identifiability
 from taskcal.analysis.sensitivity import sensitivity
 from taskcal.errors import TaskcalError
-from taskcal.report.content import Table
+from taskcal.report.content import TextTable
 from taskcal.robot.error_model import ErrorModel
 from taskcal.task.task import Task, load_task, reach_task
 from taskcal_studio.controls import command_line, facts, message, tabulated
@@ -151,6 +151,6 @@ class _Shown:
             told = facts([(texts("weight.reached"), "–"), (texts("weight.apart"), "–")])
             header = tuple(texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms"))
             title = texts("weight.most", count=len(weight.rows))
-            rows = tabulated(Table.of_rows(title, header, weight.rows, text_columns=(0, 1)))
+            rows = tabulated(TextTable.of_rows(title, header, weight.rows, text_columns=(0, 1)))
         within = [*told.descendants(), *rows.descendants()]
         self._cells = [e for e in within if isinstance(e, TextElement) and e.tag in ("dd", "td")]

@@ -12,7 +12,7 @@ from taskcal.cli.run import File, OutputOptions, Result, Run
 from taskcal.report.content import Facts, Section
 
 if TYPE_CHECKING:
-    from taskcal.observations.board_drawing import Sheet
+    from taskcal.observations.board_drawing import BoardSheet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ def command(
     return Result(summary=result, sections=lambda: [_section(result)], files=files)
 
 
-def _facts(sheet: "Sheet") -> dict[str, Any]:
+def _facts(sheet: "BoardSheet") -> dict[str, Any]:
     board, (width, height) = sheet.board, sheet.size_mm
     return {
         "name": board.name,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
     from robot_programs.core.source import Source
     from taskcal.report.content import Section
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 
 STEPS = 8
@@ -217,7 +217,7 @@ def command(
         changes = correction_sections(told, calibrated.model.robot, program.backup)
         return [*doubts_section(result), verdict_section(verdict), *changes]
 
-    def make() -> "Page":
+    def make() -> "Report":
         from taskcal.report.correction import correction_page, error_sections
 
         return correction_page(correction, calibrated, [*sections(), *error_sections(correction, calibrated)])

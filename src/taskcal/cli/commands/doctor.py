@@ -18,7 +18,7 @@ from taskcal.cli.output import info
 from taskcal.cli.progress import bar_by_parts
 from taskcal.cli.run import File, OutputOptions, Result
 from taskcal.errors import OpenFrameError, TaskcalError, UnitError, listed
-from taskcal.report.content import Column, Facts, Section, Table, millimetres
+from taskcal.report.content import Column, Facts, Section, TextTable, millimetres
 from taskcal_groundwork.options import options_of
 
 
@@ -104,7 +104,7 @@ def _section(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> Section
     return Section(
         "Diagnosis",
         None if diagnosis.findings else f"{campaign}: no mistake found",
-        Table.of("", FINDINGS, diagnosis.findings),
+        TextTable.of("", FINDINGS, diagnosis.findings),
         Facts(*((finding.id, finding.fix) for finding in diagnosis.findings)),
     )
 
@@ -162,7 +162,7 @@ def _installation() -> Result:
         Column("", lambda check: "ok" if check["ok"] else "BROKEN"),
         Column("found", "found"),
     )
-    table = Table.of("", columns, checks)
+    table = TextTable.of("", columns, checks)
     return Result(
         summary={"ok": healthy, "checks": checks},
         sections=lambda: [Section("Installation", table)],

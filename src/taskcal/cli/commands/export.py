@@ -19,7 +19,7 @@ from taskcal.cli.options.common import (
 from taskcal.cli.output import info, plain, with_edits
 from taskcal.cli.progress import bar_over
 from taskcal.cli.run import File, OutputOptions, Result, Run
-from taskcal.report.content import Column, Facts, Section, Table
+from taskcal.report.content import Column, Facts, Section, TextTable
 from taskcal_groundwork.options import Seed
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _offsets_section(robot: str, offsets: "taskcal.export.ControllerOffsets", ta
             ("tool in the flange", describe_place(offsets.tool_in_flange)),
             ("base", describe_place(offsets.base)),
         ),
-        Table.of(
+        TextTable.of(
             f"3D error of the TCP over {over} ({offsets.poses} poses)",
             REMAINING,
             [{"label": label, **result[key]} for label, key in SETTINGS.items()],

@@ -27,7 +27,7 @@ from taskcal_groundwork.said import Said
 if TYPE_CHECKING:
     from taskcal.live.devices import Controller
     from taskcal.live.program import Program
-    from taskcal.live.runner import Answer, Left, Outcome, Question, RunEvent, Runner
+    from taskcal.live.runner import Answer, Ending, Left, Question, RunEvent, Runner
     from taskcal.live.steering import Aim, State, Steering
     from taskcal.observations import Instrument, Observation
     from taskcal.reading import ReadOptions
@@ -530,7 +530,7 @@ def _line(aim: "Aim", event: "RunEvent") -> dict[str, Any] | None:
     }
 
 
-def _finish(steering: "Steering", outcome: "Outcome", files: Mapping[str, Path]) -> dict[str, Any]:
+def _finish(steering: "Steering", outcome: "Ending", files: Mapping[str, Path]) -> dict[str, Any]:
     """Write calibration and report beside the campaign, if there are rows enough.
 
     Raises:
@@ -564,7 +564,7 @@ _ENDS = {
 }
 
 
-def _give(result: Mapping[str, Any], outcome: "Outcome", aim: "Aim", output: Path, *, as_json: bool) -> None:
+def _give(result: Mapping[str, Any], outcome: "Ending", aim: "Aim", output: Path, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps(plain({**result, "campaign": str(output)}), allow_nan=False), flush=True)
         return

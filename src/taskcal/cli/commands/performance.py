@@ -14,7 +14,7 @@ from taskcal.cli.run import Result
 
 if TYPE_CHECKING:
     from taskcal.report.content import Section
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """Cycles that the standard requires (ISO 9283:1998, 6.9)."""
@@ -41,7 +41,7 @@ def command(
         pairs = None if distance is None else [_pair(text) for text in distance]
         title, result, sections = "Performance of poses", *_of_poses(measured, pairs)
 
-    def make() -> "Page":
+    def make() -> "Report":
         from taskcal.report.performance import performance_page
 
         return performance_page(title, sections(), str(measured))

@@ -9,7 +9,7 @@ from taskcal.cli.options.common import RobotOptions
 from taskcal.cli.output import info
 from taskcal.cli.run import File, OutputOptions, Result
 from taskcal.errors import ReachError, listed
-from taskcal.report.content import Column, Section, Table
+from taskcal.report.content import Column, Section, TextTable
 from taskcal.tables.frame import csv_of
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _section(robot: str, ids: list[str], header: list[str], rows: list[list[Any]
         "Nominal poses and orientations are in the file (--output) and in --json." if len(kept) < len(shown) else "",
         f"{more} more rows; write them all with --output." if more > 0 else "",
     )
-    table = Table.of(
+    table = TextTable.of(
         f"{robot}, tool in the base",
         columns,
         range(min(len(rows), MAX_SHOWN_ROWS)),

@@ -11,7 +11,7 @@ from taskcal.cli.options.common import CampaignArgument, RobotOption
 from taskcal.cli.run import File, OutputOptions, Result
 from taskcal.geometry.se3 import placement
 from taskcal.registration.options import Method, register_by
-from taskcal.report.content import Column, Facts, Section, Table
+from taskcal.report.content import Column, Facts, Section, TextTable
 
 MAX_WORST = 5
 """Rows with the largest residuals that are shown."""
@@ -114,8 +114,8 @@ def _section(result: Mapping[str, Any]) -> Section:
     worst = sorted(result["residuals"], key=_largest, reverse=True)[:MAX_WORST]
     return Section(
         "Registration",
-        Table.of("Circles in the tracker frame", CIRCLES, result["circles"]),
-        Table.of(title, FRAMES, frames),
+        TextTable.of("Circles in the tracker frame", CIRCLES, result["circles"]),
+        TextTable.of(title, FRAMES, frames),
         Facts(
             (
                 "residual, nominal (registered)",

@@ -19,9 +19,9 @@ from taskcal_groundwork.options import Seed
 
 if TYPE_CHECKING:
     from taskcal.planning.selection import Rung
-    from taskcal.planning.task_map import Uncertainty
+    from taskcal.planning.task_map import TaskUncertainty
     from taskcal.report.content import Section
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 
 OVER_TASK, DEPENDING = "uncertainty over the task", "residual analysis"
@@ -117,7 +117,7 @@ def command(
         made += [] if uncertainty is None else [task_uncertainty_section(uncertainty)]
         return made if remainder is None else [*made, residual_analysis_section(remainder)]
 
-    def make() -> "Page":
+    def make() -> "Report":
         from taskcal.report.calibration import calibration_page, calibration_sections
         from taskcal.report.verdict import verdict_section
 
@@ -183,7 +183,7 @@ def _with_program(verdict: Mapping[str, Any], corrected: Path) -> tuple[Mapping[
 def _result(
     calibration: "taskcal.Calibration",
     verdict: Mapping[str, Any] | None,
-    uncertainty: "Uncertainty | None",
+    uncertainty: "TaskUncertainty | None",
     remainder: "taskcal.identification.ResidualAnalysis | None",
 ) -> dict[str, Any]:
     result: dict[str, Any] = {

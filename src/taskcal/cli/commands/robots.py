@@ -18,7 +18,7 @@ from taskcal.cli.output import info
 from taskcal.cli.run import File, JsonOption, OutputOptions, Result
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ALL_DIRECTIONS, freedom_of
-from taskcal.report.content import Column, Facts, Section, Table
+from taskcal.report.content import Column, Facts, Section, TextTable
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.mechanism import analyse_mechanism
 from taskcal.robot.robot import Part, Robot
@@ -79,7 +79,7 @@ def list_robots() -> Result:
         Column("joints", "joints", "d"),
         Column("notes", lambda robot: "; ".join(robot["notes"])),
     )
-    table = Table.of("Robots in the catalogue", columns, result["robots"])
+    table = TextTable.of("Robots in the catalogue", columns, result["robots"])
     return Result(summary=result, sections=lambda: [Section("Robots", table)])
 
 
@@ -342,11 +342,11 @@ def robot_section(sheet: Mapping[str, Any]) -> Section:
         dropped = len(sheet["published"]["dropped"])
         facts.append(("published", f"{sheet['published']['source']} ({dropped} dropped, marked –)"))
     facts += [("source", text) for text in sheet["source"]]
-    drives = Table.of("Weights and drives", DRIVES, statics["drives"])
+    drives = TextTable.of("Weights and drives", DRIVES, statics["drives"])
     return Section(
         sheet["name"],
         Facts(*facts),
-        Table.of("Joints", JOINTS, sheet["joint_table"]),
+        TextTable.of("Joints", JOINTS, sheet["joint_table"]),
         drives if len(drives.header) > 1 else None,
         _tabulate_parameters(sheet),
     )
@@ -392,7 +392,7 @@ DRIVES = (
 """Masses, stiffness and gear ratios, each if any is stated."""
 
 
-def _tabulate_parameters(sheet: Mapping[str, Any]) -> Table:
+def _tabulate_parameters(sheet: Mapping[str, Any]) -> TextTable:
     """A row for each frame, with the publication's symbol behind each parameter."""
     dropped = set(sheet["published"]["dropped"]) if sheet["published"] else set[str]()
     frames: dict[str, list[str]] = {}
@@ -408,4 +408,4 @@ def _tabulate_parameters(sheet: Mapping[str, Any]) -> Table:
         *(Column("", lambda frame, k=k: frames[frame][k] if k < len(frames[frame]) else "") for k in range(width)),
         Column("tolerance (1σ)", lambda frame: ", ".join(tolerances[frame])),
     )
-    return Table.of("Parameters", columns, list(frames))
+    return TextTable.of("Parameters", columns, list(frames))

@@ -18,7 +18,7 @@ from taskcal_groundwork.options import Written
 
 if TYPE_CHECKING:
     import taskcal.report.selection
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 
 MAPPING = "maps over the task"
@@ -57,7 +57,7 @@ def command(
     options = choice.made(hyperparameters=known, progress=begin)
     selection = taskcal.select(model, described, campaign, accuracy, options)
 
-    def make() -> "Page":
+    def make() -> "Report":
         begin(MAPPING)
         return _page(model, described, campaign, selection, accuracy, choice.seed)
 
@@ -75,7 +75,7 @@ def _page(
     selection: "taskcal.Selection",
     accuracy: float | None,
     seed: int,
-) -> "Page":
+) -> "Report":
     from taskcal.planning.task_map import map_task
 
     reached = taskcal.reach_task(model, task, seed=seed)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import taskcal.report.sensitivity
     from taskcal.analysis.identifiability import EliminationTable
     from taskcal.analysis.sensitivity import MeasuringNoise
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 
 SPACES = ("x", "y", "z", "space")
@@ -65,7 +65,7 @@ def command(
     columns = influence.columns()
     rows = {row[0]: dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)}
 
-    def make() -> "Page":
+    def make() -> "Report":
         begin(MAPPING)
         return _page(influence, elimination, (told_apart, noise), task, spread.seed)
 
@@ -103,7 +103,7 @@ def _page(
     apart: "tuple[taskcal.analysis.DistinguishableDirections, MeasuringNoise]",
     task: Path | None,
     seed: int,
-) -> "Page":
+) -> "Report":
     model, poses = found.model, f"{len(found.matrix)} poses of a campaign"
     maps = None
     if task is not None:

@@ -12,7 +12,7 @@ from taskcal.cli.command import option
 from taskcal.observations import Fixtures, Instrument, instrument_classes, load_fixtures
 from taskcal.observations.point import Tracker
 from taskcal.planning.options import Mounting
-from taskcal_groundwork.options import OptionError, Stated, options_of
+from taskcal_groundwork.options import OptionError, StatedOption, options_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,9 +25,9 @@ TRACKER = "tracker"
 """The instrument where none is named."""
 
 
-def _stated() -> dict[str, dict[str, Stated]]:
+def _stated() -> dict[str, dict[str, StatedOption]]:
     """Options of the instruments, by field of `ObservingOptions` and by instrument."""
-    out: dict[str, dict[str, Stated]] = {}
+    out: dict[str, dict[str, StatedOption]] = {}
     for name, instrument in instrument_classes().items():
         for one in options_of(instrument):
             out.setdefault(one.name.replace("-", "_"), {})[name] = one
@@ -77,7 +77,7 @@ class _Observing(Mounting):
         return not self.instrument.kind.in_tracker
 
     @property
-    def own(self) -> Mapping[str, Stated]:
+    def own(self) -> Mapping[str, StatedOption]:
         """Options of the instrument, by field."""
         return {name: by[self.observe] for name, by in STATED.items() if self.observe in by}
 
@@ -143,7 +143,7 @@ class _Observing(Mounting):
         return self.instrument.set_up(model, task, self.on_tool(model), **stated)
 
 
-def _option(name: str, by_instrument: Mapping[str, Stated]) -> tuple[str, Any, Any]:
+def _option(name: str, by_instrument: Mapping[str, StatedOption]) -> tuple[str, Any, Any]:
     """Name, type and declaration of an option that one or several instruments have; each has its own bounds."""
     first = next(iter(by_instrument.values()))
     told = "; ".join(dict.fromkeys(one.option.help for one in by_instrument.values()))
@@ -164,7 +164,7 @@ else:
     )
 
 
-def _value(one: Stated, name: str, text: Any) -> Any:
+def _value(one: StatedOption, name: str, text: Any) -> Any:
     """Value of an instrument's field by what is written.
 
     Raises:

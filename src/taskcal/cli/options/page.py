@@ -13,7 +13,7 @@ from taskcal.cli.run import OutputOptions
 from taskcal.errors import FileError
 
 if TYPE_CHECKING:
-    from taskcal.report.page import Page
+    from taskcal.report.page import Report
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class PageOptions(OutputOptions):
 
         return [] if self.header is None else read_header(self.header)
 
-    def headed(self, page: "Page", asked: Iterable[str] = (), blank: str = "") -> "Page":
+    def headed(self, page: "Report", asked: Iterable[str] = (), blank: str = "") -> "Report":
         """The page with its head.
 
         Args:
@@ -82,7 +82,7 @@ class PageOptions(OutputOptions):
         empty = [(label, blank) for label in map(label_of, asked) if label not in given]
         return replace(page, header=tuple(dict.fromkeys([*page.header, *warnings, *given.items(), *empty])))
 
-    def compose(self, page: "Page") -> dict[Path, str | bytes]:
+    def compose(self, page: "Report") -> dict[Path, str | bytes]:
         """Every file that is asked for of a page."""
         from taskcal.report.page import draw_figures, figures_of
 
