@@ -12,7 +12,7 @@ from taskcal.observations.base import TrackerNoise
 from taskcal.observations.point import Tracker
 from taskcal.planning.expected_error import PlanPrior, design
 from taskcal.planning.experiment import make_experiment
-from taskcal.planning.plan import plan
+from taskcal.planning.plan import Plan, plan
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
@@ -20,6 +20,24 @@ from taskcal.task.task import Task, reach_task
 from taskcal.virtual.cell import draw_defects, simulate
 from tests.laws.robots import irb6660_description
 from tests.planning.measuring_cell import TASK
+
+
+@pytest.fixture(scope="module")
+def assumed(model, listed, pool) -> Plan:
+    """By the model error of the robot's file."""
+    return plan(model, listed, 12, candidates=pool)
+
+
+@pytest.fixture(scope="module")
+def exact(model, listed, pool) -> Plan:
+    """Of a robot without model error."""
+    return plan(model, listed, 12, candidates=pool, model_error=0.0)
+
+
+@pytest.fixture(scope="module")
+def nine(model, listed, pool) -> Plan:
+    """For the task, without model error: with a smooth one the choice is not the best against a white one."""
+    return plan(model, listed, 9, candidates=pool[:150], model_error=0.0)
 
 
 def test_a_task_out_of_reach_is_refused(model):
@@ -68,8 +86,7 @@ def test_plan_expected_error_equals_that_of_campaign(model, small):
     assert small.before == pytest.approx(made.before, rel=1e-9)
 
 
-def test_what_a_plan_assumes_of_the_model_error_is_said(model, listed, pool):
-    assumed, exact = (plan(model, listed, 12, candidates=pool, model_error=u) for u in (None, 0.0))
+def test_what_a_plan_assumes_of_the_model_error_is_said(model, assumed, exact):
     assert exact.model_error_origin == "as given"
     assert assumed.model_error_origin == model.robot.model_error.source
     assert assumed.expected > 2.0 * exact.expected
@@ -81,12 +98,10 @@ def test_what_a_plan_assumes_of_the_model_error_is_said(model, listed, pool):
 
 
 @pytest.mark.parametrize("criterion", ["D", "E"])
-def test_other_criteria_plan_as_well_but_not_better_for_the_task(model, listed, pool, criterion):
-    # with a smooth model error the choice is not the best against a white one
+def test_other_criteria_plan_as_well_but_not_better_for_the_task(model, listed, pool, nine, criterion):
     other = plan(model, listed, 9, candidates=pool[:150], criterion=criterion, model_error=0.0)
-    own = plan(model, listed, 9, candidates=pool[:150], model_error=0.0)
     assert other.criterion == criterion
-    assert own.expected <= other.expected * 1.01
+    assert nine.expected <= other.expected * 1.01
     assert other.expected < other.before
 
 
@@ -97,10 +112,9 @@ def test_plan_rejects_too_few_poses_and_states_minimum(model):
     assert len(plan(model, TASK, 4, candidates=100, refine=0).q) == 4
 
 
-def test_extended_campaign_lowers_expected_error(model, listed, pool):
+def test_extended_campaign_lowers_expected_error(model, listed, pool, assumed):
     """Extending a campaign lowers the expected error, with poses where they reduce it most."""
-    first = plan(model, listed, 12, candidates=pool)
-    campaign, _ = simulate(model, first.q, rng=np.random.default_rng(4))
+    campaign, _ = simulate(model, assumed.q, rng=np.random.default_rng(4))
     more = plan(model, listed, 6, candidates=pool, campaign=campaign)
     fitted = identify(model, campaign)
     scales = {"model_error": fitted.model_error, "prior": fitted.prior_scale * model.tolerances}
@@ -112,7 +126,9 @@ def test_extended_campaign_lowers_expected_error(model, listed, pool):
         more.by_count[0], rel=0.02
     )
     # what the extension promises is what both campaigns together are expected to give
-    again, _ = simulate(model, np.concatenate([first.q, more.q]), rng=np.random.default_rng(0), x=np.zeros(len(model)))
+    again, _ = simulate(
+        model, np.concatenate([assumed.q, more.q]), rng=np.random.default_rng(0), x=np.zeros(len(model))
+    )
     together = design(model, again, reach_task(model, listed), **scales).expected_error(np.arange(len(model)))
     assert more.expected == pytest.approx(together, rel=0.01)
 
@@ -142,12 +158,11 @@ def test_a_model_error_spreads_the_poses_over_the_task(model, listed, pool):
     np.testing.assert_allclose(variance, 1e-8, rtol=1e-3)
 
 
-def test_the_accuracy_says_how_many_poses_are_needed(model, listed, pool):
-    made = plan(model, listed, 12, candidates=pool, model_error=0.0)
-    assert made.enough is not None
-    assert made.by_count[made.enough - 1] <= 5e-5 < made.by_count[made.enough - 2]
-    assert replace(made, accuracy=1e-9).enough is None
-    assert replace(made, accuracy=None).enough is None
+def test_the_accuracy_says_how_many_poses_are_needed(exact):
+    assert exact.enough is not None
+    assert exact.by_count[exact.enough - 1] <= 5e-5 < exact.by_count[exact.enough - 2]
+    assert replace(exact, accuracy=1e-9).enough is None
+    assert replace(exact, accuracy=None).enough is None
 
 
 def test_required_pose_count_reaches_single_pose_accuracy(small):
