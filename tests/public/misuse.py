@@ -150,14 +150,14 @@ def calls(folder: Path) -> dict[str, Call]:
         "simulate": Call(tc.simulate, {"model": model, "q": q, "rng": rng()}),
         "register": Call(tc.register, {**fit, "poses": poses}, lambda found: found.T_tracker_base.tobytes()),
         "identify": Call(tc.identify, fit),
-        "explain": Call(tc.explain, fit),
+        "explain": Call(tc.explain, {**fit, "candidates": (tc.Compliance(),)}),
         "validate": Call(tc.validate, {"calibration": calibration, "campaign": campaign}),
         "compare": Call(
             tc.compare, {"first": calibration, "second": calibration, "q": q}, lambda found: found.expected
         ),
         "diagnose": Call(tc.diagnose, {"campaign": campaign, "robot": robot}),
         "reach_task": Call(tc.reach_task, where),
-        "plan": Call(tc.plan, {**where, "count": 30}),
+        "plan": Call(tc.plan, {**where, "count": 12, "candidates": 50}),
         "select": Call(tc.select, where),
         "study": Call(tc.study, {**where, "engine": "sequential", "robots": 1, "counts": (12,), "plans": ("random",)}),
         "correct": Call(
