@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.robot.error_model import ErrorModel
+from taskcal.robot.joint_side import JointMap
 from taskcal.robot.robot import Robot
 
 # A robot without limits, so that a file with wrong joints can be read and looked at.
@@ -59,22 +60,6 @@ class Case:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class JointMap:
-    """Joint positions as they should be, M·q + shift."""
-
-    matrix: Float[np.ndarray, "joints joints"]
-    shift: Float[np.ndarray, " joints"]
-
-    def __call__(self, q: Float[np.ndarray, "*n joints"]) -> Float[np.ndarray, "*n joints"]:
-        """The positions as they should be."""
-        return q @ self.matrix.T + self.shift
-
-    def after(self, first: "JointMap") -> "JointMap":
-        """Both, the other one first."""
-        return JointMap(matrix=self.matrix @ first.matrix, shift=self.matrix @ first.shift + self.shift)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Hypothesis:
     """One mistake, undone: in the joints, in the measurements, or in the robot."""
 
@@ -83,6 +68,7 @@ class Hypothesis:
     fix: str
     """One line that mends it."""
     joints: JointMap | None = None
+    """Joint positions as they should be, from those as they are."""
     measured: Callable[[Campaign], Campaign] | None = None
     robot: Robot | None = None
     size: float = 1.0

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.diagnosis.fits import LEVER_SHARE
-from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, JointMap, looked_for
+from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, looked_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.geometry.point_registration import closed_form_rotations
@@ -24,6 +24,7 @@ from taskcal.registration.rotations import (
     misfit,
 )
 from taskcal.robot.catalogue import catalogue_names, load_robot
+from taskcal.robot.joint_side import JointMap
 from taskcal.robot.robot import Robot
 from taskcal.robot.robot_file import robot_from
 from taskcal.tables.table import ANGLES, LENGTHS, PLURALS
@@ -168,7 +169,7 @@ def _order(case: Case, order: tuple[int, ...], known: set[tuple[int, ...]], cost
 
 
 def _map(matrix: np.ndarray, shift: np.ndarray | None = None) -> JointMap:
-    return JointMap(matrix=matrix, shift=np.zeros(len(matrix)) if shift is None else shift)
+    return JointMap(matrix=matrix, offset=np.zeros(len(matrix)) if shift is None else shift)
 
 
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -18,9 +18,10 @@ from taskcal.diagnosis.fits import (
     registered_trimmed,
     target_poses,
 )
-from taskcal.diagnosis.hypotheses import Case, Hypothesis, JointMap, hypotheses_of, nominal_poses
+from taskcal.diagnosis.hypotheses import Case, Hypothesis, hypotheses_of, nominal_poses
 from taskcal.diagnosis.mistakes import scale_mistakes, unit_mistakes
 from taskcal.registration.registration import Registration
+from taskcal.robot.joint_side import JointMap
 from taskcal.robot.robot import TWO_TURNS
 
 Progress = Callable[[str, int, int], None]
@@ -219,7 +220,7 @@ def _quick_errors(
 
 
 def _composed(combination: Combination, joints: int) -> JointMap:
-    out = JointMap(matrix=np.eye(joints), shift=np.zeros(joints))
+    out = JointMap(matrix=np.eye(joints), offset=np.zeros(joints))
     for hypothesis in combination:
         assert hypothesis.joints is not None
         out = hypothesis.joints.after(out)

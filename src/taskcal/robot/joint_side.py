@@ -81,6 +81,10 @@ class JointMap:
         """Chain coordinates at joint positions q; complex where those are, for derivatives by complex steps."""
         return q @ self.matrix.T + self.offset
 
+    def after(self, first: "JointMap") -> "JointMap":
+        """Both maps as one, the other one first."""
+        return JointMap(matrix=self.matrix @ first.matrix, offset=self(first.offset[None])[0])
+
 
 NO_LOOP = LoopNumbers(*[0.0] * len(LoopNumbers._fields))
 """For a robot without one."""
