@@ -171,3 +171,19 @@ def test_kinds_are_asked_not_told_apart_outside_observations():
                     case _:
                         pass
     assert not told, "\n".join(told)
+
+
+NAMESAKES = {"Frame", "Instrument", "Measured", "Plan", "Program", "Robot", "Source", "Wanted"}
+"""Names of two classes, of which each is public in its package, or is asked for by a compiled kernel or a device's protocol."""
+
+
+def test_class_names_stand_once():
+    where = defaultdict[str, list[str]](list)
+    for name, path in MODULES.items():
+        if not name.startswith("taskcal_demo."):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    where[node.name].append(name)
+    twice = {name: modules for name, modules in where.items() if len(modules) > 1}
+    assert twice.keys() == NAMESAKES, twice
+    assert all(len(modules) == 2 for modules in twice.values())
