@@ -757,7 +757,7 @@ def _chosen(found: list[Candidate], given: Candidate) -> tuple[Candidate, Local 
 
 
 def _rank_without(finding: Finding, mended: Campaign, case: Case) -> float:
-    """Rank, as of an `Candidate`, of a slip, move, drift or fault of rows.
+    """Rank, as of a `Candidate`, of a slip, move, drift or fault of rows.
 
     Rows that are left out are not explained, and which row belongs to which has to be said for each of them.
     """
