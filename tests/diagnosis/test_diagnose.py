@@ -282,7 +282,7 @@ def test_doctor_finds_a_mistake_that_is_only_registered(monkeypatch):
         for j, name in enumerate(robot.joint_names):
             matrix = np.eye(6)
             matrix[j, j] = 0.5
-            half = JointMap(matrix=matrix, shift=np.zeros(6))
+            half = JointMap(matrix=matrix, offset=np.zeros(6))
             yield Hypothesis(id="joint-doubled", subject=(name,), joints=half, fix=f"halve {name}")
 
     entry = hypotheses.Mistake(id="joint-doubled", part="joints", find=doubled)
