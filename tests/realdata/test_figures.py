@@ -12,7 +12,7 @@ from tests.realdata.figures import MAKERS
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 CLAIMS = importlib.import_module("claims").claims()
 
-LONG = {"geometry", "named_effects", "sockets", "all_effects"}
+LONG = {"all_effects_of_ur", "all_effects_of_others", "named_effects", "geometry", "sockets"}
 """Makers that take minutes; tests of effects, conditions and sockets hold to bounds what they make, on fewer splits."""
 
 
