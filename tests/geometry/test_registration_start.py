@@ -5,7 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from taskcal.geometry.point_registration import Moments, alternate, closed_form, closed_form_rotations, orientations
+from taskcal.geometry.point_registration import (
+    Moments,
+    alternate,
+    closed_form,
+    closed_form_rotations,
+    orientations,
+    products,
+)
 from tests.laws.clouds import cloud
 from tests.laws.robots import generators
 
@@ -32,12 +39,12 @@ def test_the_alternation_alone_finds_both_rotations_from_near_by(rng, away):
     R = Rotation.random(30, random_state=rng).as_matrix()
     Z, X = Rotation.random(2, random_state=rng).as_matrix()
     start = Rotation.from_rotvec(away * np.array([0.0, 0.6, 0.8])).as_matrix() @ Z
-    found = alternate(start, R, Z @ R @ X, rounds=200)
+    found = alternate(start, products(R, Z @ R @ X), rounds=200)
     assert angle(found[0], Z) < 1e-6
     assert angle(found[1], X) < 1e-6
     # with noise each is the best there is for the other, as Procrustes' problem says
     Y = Z @ R @ X @ Rotation.from_rotvec(1e-3 * rng.normal(size=(30, 3))).as_matrix()
-    own_Z, own_X = alternate(Z, R, Y, rounds=200)
+    own_Z, own_X = alternate(Z, products(R, Y), rounds=200)
     best_Z, _ = Rotation.align_vectors(np.swapaxes(Y, 1, 2).reshape(-1, 3), np.swapaxes(R @ own_X, 1, 2).reshape(-1, 3))
     best_X, _ = Rotation.align_vectors(
         np.swapaxes(np.swapaxes(own_Z @ R, 1, 2) @ Y, 1, 2).reshape(-1, 3), np.tile(np.eye(3), (30, 1))
@@ -52,7 +59,7 @@ def test_closed_form_of_rotations_is_exact(rng):
     """The closed form of rotations alone is exact without noise."""
     R = Rotation.random(20, random_state=rng).as_matrix()
     Z, X = Rotation.random(2, random_state=rng).as_matrix()
-    found = closed_form_rotations(R, Z @ R @ X)
+    found = closed_form_rotations(products(R, Z @ R @ X))
     assert angle(found[0], Z) < 1e-6
     assert angle(found[1], X) < 1e-6
 

@@ -14,7 +14,7 @@ from taskcal.diagnosis.fits import LEVER_SHARE
 from taskcal.diagnosis.hypotheses import Case, Finding, Hypothesis, looked_for
 from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
-from taskcal.geometry.point_registration import closed_form_rotations
+from taskcal.geometry.point_registration import closed_form_rotations, products
 from taskcal.registration.rotations import (
     MAX_MENDED_RATIO,
     MAX_MISFIT_RAD,
@@ -383,7 +383,7 @@ def find_wrong_rotations(case: Case) -> tuple[Finding, Campaign] | None:
     if fit.constant.any():
         remedy = "measure the orientation there, or leave the rotation out of the file"
         return _of_rotations(case, "rotations-unmeasured", rows, (before, None), f"{said}: {remedy}"), without
-    Z, X = closed_form_rotations(fit.R[looked_at], Y[looked_at])
+    Z, X = closed_form_rotations(products(fit.R[looked_at], Y[looked_at]))
     own = np.linalg.norm(se3.log(np.swapaxes(Z @ fit.R[looked_at] @ X, 1, 2) @ Y[looked_at]), axis=1)
     turn = se3.log(Z)
     angle = float(np.linalg.norm(turn))

@@ -211,35 +211,33 @@ def closed_form(moments: Moments) -> Float[np.ndarray, "3 3"]:
     return se3.nearest_rotation(M.reshape(3, 3)).T
 
 
-def closed_form_rotations(R: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Z and X of Z·R·X = Y: with vec(Z) and vec(Xᵀ) as unknowns Z·R = Y·Xᵀ is linear and homogeneous."""
-    n = len(R)
-    A = np.zeros((n, 9, 18))
-    for i, j in itertools.product(range(3), repeat=2):
-        # (Z R)_ij = Σ_k Z_ik R_kj and (Y Xᵀ)_ij = Σ_k Y_ik Xᵀ_kj
-        A[:, 3 * i + j, 3 * i : 3 * i + 3] = R[:, :, j]
-        for k in range(3):
-            A[:, 3 * i + j, 9 + 3 * k + j] -= Y[:, i, k]
-    A = A.reshape(9 * n, 18)
-    null = np.linalg.eigh(A.T @ A)[1][:, 0]
-    Z, Xt = null[:9].reshape(3, 3), null[9:].reshape(3, 3)
-    if np.linalg.det(Z) < 0:
-        Z, Xt = -Z, -Xt
-    return alternate(se3.nearest_rotation(Z), R, Y, rounds=10)
+def products(R: Float[np.ndarray, "n 3 3"], Y: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "9 9"]:
+    """The mean over all poses of the Kronecker products of Y and R: all that rotations Z and X with Z·R·X = Y ask of them."""
+    return (Y.reshape(-1, 9).T @ R.reshape(-1, 9)).reshape(3, 3, 3, 3).transpose(0, 2, 3, 1).reshape(9, 9) / len(R)
 
 
-def alternate(Z: np.ndarray, R: np.ndarray, Y: np.ndarray, rounds: int = 30) -> tuple[np.ndarray, np.ndarray]:
+def closed_form_rotations(
+    mean: Float[np.ndarray, "9 9"],
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
+    """Z and X of Z·R·X = Y from the mean products of Y and R: without noise, their first singular vectors (Shah 2013)."""
+    Z = np.linalg.svd(mean)[0][:, 0].reshape(3, 3)
+    return alternate(se3.nearest_rotation(Z if np.linalg.det(Z) > 0 else -Z), mean, rounds=10)
+
+
+def alternate(
+    Z: Float[np.ndarray, "3 3"], mean: Float[np.ndarray, "9 9"], rounds: int = 30
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
     """Each of Z and X in turn from the other, as the rotation nearest to the mean."""
     X = np.eye(3)
     for _ in range(rounds):
-        X = target_rotation(Z, R, Y)
-        Z = se3.nearest_rotation((Y @ np.swapaxes(R @ X, 1, 2)).mean(axis=0))
+        X = target_rotation(Z, mean)
+        Z = se3.nearest_rotation((mean @ X.reshape(9)).reshape(3, 3))
     return Z, X
 
 
-def target_rotation(Z: np.ndarray, R: np.ndarray, Y: np.ndarray) -> np.ndarray:
+def target_rotation(Z: Float[np.ndarray, "3 3"], mean: Float[np.ndarray, "9 9"]) -> Float[np.ndarray, "3 3"]:
     """Rotation X of the target in the tool that fits Z·R·X = Y best, for a rotation Z from base to tracker."""
-    return se3.nearest_rotation((np.swapaxes(Z @ R, 1, 2) @ Y).mean(axis=0))
+    return se3.nearest_rotation((Z.reshape(9) @ mean).reshape(3, 3))
 
 
 def orientations() -> list[np.ndarray]:

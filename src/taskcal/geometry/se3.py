@@ -34,10 +34,11 @@ def left_jacobian(w: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 def nearest_rotation(M: Float[np.ndarray, "*b 3 3"]) -> Float[np.ndarray, "*b 3 3"]:
     """The proper rotation nearest to a matrix in the Frobenius norm (Umeyama 1991)."""
     U, _, Vt = np.linalg.svd(M)
-    sign = np.linalg.det(U) * np.linalg.det(Vt)
-    U = U.copy()
-    U[..., :, 2] *= sign[..., None]
-    return U @ Vt
+    nearest = U @ Vt
+    mirrored = np.linalg.det(nearest) < 0.0
+    if mirrored.any():
+        nearest = nearest - 2.0 * mirrored[..., None, None] * U[..., :, 2:] @ Vt[..., 2:, :]
+    return nearest
 
 
 def fit_points(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "4 4"]:

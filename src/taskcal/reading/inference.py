@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError, FileError, TaskcalError, shown
 from taskcal.geometry import se3
-from taskcal.geometry.point_registration import Moments, closed_form, closed_form_rotations
+from taskcal.geometry.point_registration import Moments, closed_form, closed_form_rotations, products
 from taskcal.reading.columns import MAX_COORDINATE_M, StatedUnits, stated_units
 from taskcal.reading.joints import COUNTS_OF_A_DEGREE, within_limits
 from taskcal.reading.readings import Readings
@@ -628,7 +628,7 @@ def _misfits(readings: Readings, robot: Robot) -> dict[str, float]:
         return {}
     out: dict[str, float] = {}
     for form, measured in readings.open_angles.meanings.items():
-        Z, X = closed_form_rotations(R, measured[rows])
+        Z, X = closed_form_rotations(products(R, measured[rows]))
         off = se3.log(np.swapaxes(Z @ R @ X, 1, 2) @ measured[rows])
         out[form] = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
     return out

@@ -19,6 +19,7 @@ from taskcal.geometry.point_registration import (
     closed_form_rotations,
     offset_information,
     orientations,
+    products,
     refine,
     rms_length,
     target_rotation,
@@ -340,7 +341,11 @@ def register_cloud(cloud: Cloud, start: Float[np.ndarray, "3 3"] | None = None) 
         Z = refine(closed_form(cloud.moments) if start is None else start, cloud.moments)[0]
         X = np.broadcast_to(np.eye(3), (cloud.count, 3, 3))
     else:
-        Z, X = _rotations_at_once(cloud, cloud.Y) if start is None else alternate(start, cloud.R, cloud.Y, rounds=3)
+        Z, X = (
+            _rotations_at_once(cloud, cloud.Y)
+            if start is None
+            else alternate(start, products(cloud.R, cloud.Y), rounds=3)
+        )
         X = X[None]
     return _placed(Z, X, cloud)
 
@@ -481,10 +486,11 @@ def _register_poses(T: np.ndarray, campaign: Campaign, reach: float) -> Registra
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
         return reach**2 * _rotation_cost(ZX, R, Y) + cloud.moments.squares(ZX[0])
 
-    starts = [closed_form_rotations(R, Y), alternate(by_points, R, Y), (by_points, target_rotation(by_points, R, Y))]
+    mean = products(R, Y)
+    starts = [closed_form_rotations(mean), alternate(by_points, mean), (by_points, target_rotation(by_points, mean))]
     best = min(starts, key=cost)
     if cost(best) > len(R) * (PLAUSIBLE_SHARE * reach) ** 2:
-        best = min([best, *(alternate(Z, R, Y) for Z in orientations())], key=cost)
+        best = min([best, *(alternate(Z, mean) for Z in orientations())], key=cost)
     Z, X = best
     return _placed(Z, X[None], cloud)
 
@@ -498,7 +504,8 @@ def _rotations_at_once(cloud: Cloud, Y: np.ndarray) -> tuple[np.ndarray, np.ndar
     def cost(ZX: tuple[np.ndarray, np.ndarray]) -> float:
         return extent**2 * _rotation_cost(ZX, R, Y) + cloud.moments.squares(ZX[0])
 
-    return min(closed_form_rotations(R, Y), (by_points, target_rotation(by_points, R, Y)), key=cost)
+    mean = products(R, Y)
+    return min(closed_form_rotations(mean), (by_points, target_rotation(by_points, mean)), key=cost)
 
 
 def _rotation_cost(ZX: tuple[np.ndarray, np.ndarray], R: np.ndarray, Y: np.ndarray) -> float:
