@@ -90,6 +90,7 @@ def _folder() -> Path:
     return Path(str(resources.files("taskcal.robot") / "catalogue"))
 
 
+@cache
 def catalogue_names() -> tuple[str, ...]:
     """Names of the robots in the catalogue."""
     return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
