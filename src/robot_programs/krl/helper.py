@@ -244,9 +244,6 @@ def _clear(values: Any) -> Any:
 
 # Points that only the running program knows, put through a function: which may be, and where they stand.
 
-MOTIONS = ("PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC")
-"""Those to points, of which a function makes others."""
-
 OF_PATH, OF_FRAME, OF_HERE, OF_ARC = "Path", "Frame", "Here", "Arc"
 
 ENDINGS = ("", OF_PATH, OF_FRAME)
@@ -371,7 +368,7 @@ def _expect_points(step: MotionStep, measured: "_Measured", named: Container[str
     """
     line = step.statement
     relative = line.keyword in RELATIVE_MOTIONS
-    if line.keyword not in (*MOTIONS, *RELATIVE_MOTIONS) or line.trouble or (relative and line.angle):
+    if line.keyword == "SPL" or line.trouble or (relative and line.angle):
         raise Unresolved("it does not go to points that it names")
     if line.keyword.startswith("S") and "SPLINE" in named:
         raise Unresolved("it may be part of a SPLINE")

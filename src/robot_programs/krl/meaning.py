@@ -69,7 +69,7 @@ from robot_programs.krl.points import (
     to_angle,
     turned,
 )
-from robot_programs.krl.syntax import RELATIVE_MOTIONS, Operand
+from robot_programs.krl.syntax import POINT_MOTIONS, RELATIVE_MOTIONS, Operand
 from robot_programs.krl.values import (
     ARRAY,
     AXES,
@@ -120,12 +120,6 @@ _BEGINNING: Mapping[Key, Any] = {
 _OWN = "is a variable of the program's own, whose value is known only at run time"
 _RUN_TIME = "is known only at run time"
 _WITHOUT_VALUE = "has no value in its data list, so that it is known only at run time"
-
-KINDS: dict[str, MotionKind] = {
-    "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
-    "SPL": "linear", "PTP_REL": "joint", "SPTP_REL": "joint", "LIN_REL": "linear", "SLIN_REL": "linear",
-    "CIRC_REL": "circular", "SCIRC_REL": "circular",
-}  # fmt: skip
 
 _TAKES_UNKNOWN = frozenset({FRAME, NUMBERED, OF_PARAMETERS, MODE_OF, WITH, ORIENTED, PASSED, FIELD})
 
@@ -567,7 +561,7 @@ class KrlMeaning(LanguageMeaning):
 
     def _motion(self, line: MotionStep, points: Sequence[Any], settings: Mapping[str, Any]) -> FoundMotion:
         statement, section = line.statement, line.routine
-        kind = KINDS[statement.keyword]
+        kind = POINT_MOTIONS[statement.keyword]
         written = [self._written(line, one, line.points[own], points[own]) for one, own in line.operands]
         first = written[-1].first
         relative = statement.keyword in RELATIVE_MOTIONS

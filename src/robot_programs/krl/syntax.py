@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from robot_programs.core import kit
 from robot_programs.core.kit import Token, Words, opens, parted
-from robot_programs.core.program import Unresolved
+from robot_programs.core.program import MotionKind, Unresolved
 
 # The words of KRL, line by line; comments and file headers have none.
 
@@ -53,11 +53,15 @@ def bit_string(text: str) -> float | None:
     return float(int(digits, base))
 
 
-RELATIVE_MOTIONS = frozenset({"PTP_REL", "LIN_REL", "CIRC_REL", "SPTP_REL", "SLIN_REL", "SCIRC_REL"})
-"""Motions by a distance."""
-
-POINT_MOTIONS = frozenset({"PTP", "LIN", "CIRC", "SPTP", "SLIN", "SCIRC", "SPL", *RELATIVE_MOTIONS})
+POINT_MOTIONS: Mapping[str, MotionKind] = {
+    "PTP": "joint", "SPTP": "joint", "LIN": "linear", "SLIN": "linear", "CIRC": "circular", "SCIRC": "circular",
+    "SPL": "linear", "PTP_REL": "joint", "SPTP_REL": "joint", "LIN_REL": "linear", "SLIN_REL": "linear",
+    "CIRC_REL": "circular", "SCIRC_REL": "circular",
+}  # fmt: skip
 """Motions to one point, or through one to another."""
+
+RELATIVE_MOTIONS = frozenset(word for word in POINT_MOTIONS if word.endswith("_REL"))
+"""Motions by a distance."""
 
 OTHER_MOTIONS = frozenset({"SPL_REL"})
 """Motions that are not read."""
@@ -407,7 +411,7 @@ def _statement(words: list[Token]) -> KrlLine:
         return Begin(**span, name=chosen.upper, parameters=parameters, by_value=by_value)
     if keyword in _ENDS:
         return End(**span)
-    if keyword in POINT_MOTIONS | OTHER_MOTIONS:
+    if keyword in POINT_MOTIONS or keyword in OTHER_MOTIONS or [word.text for word in words[1:2]] == ["{"]:
         return _motion(words)
     if keyword in _STEERING:
         return Control(**span, keyword=keyword, words=tuple(words[1:]))
@@ -499,7 +503,8 @@ def _motion(words: list[Token]) -> MotionLine:
     cursor = Words(words)
     cursor.take()
     operands, passing = [_operand(cursor)], list[str]()
-    trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write SPL to a complete point"
+    instead = "SPL to a complete point" if keyword in OTHER_MOTIONS else "PTP, LIN or CIRC"
+    trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write {instead}"
     arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Token, ...]()
     while cursor.accept(","):
         if arc and not angle and cursor.accept("CA"):

@@ -109,6 +109,7 @@ def test_an_arc_has_two_points(angle, words):
         ("CIRC_REL {X 10},{Y 5} #TOOL", "'#TOOL' is not understood behind CIRC_REL"),
         ("SCIRC_REL {X 10}", "SCIRC_REL is given 1 points"),
         ("SPL_REL {X 10}", "SPL_REL is not read; write SPL to a complete point"),
+        ("LINX {X 10}", "LINX is not read; write PTP, LIN or CIRC"),
         ("LIN {X 10} #TOOL", "'#TOOL' is not understood"),
         ("LIN XP1,XP2", "LIN is given 2 points"),
         ("CIRC XP1", "CIRC is given 1 points"),
