@@ -305,8 +305,14 @@ def test_plugin_angles_are_fitted_beside_lengths(taskcal: Run, folder: Path, obs
     assert {name: list(values) for name, values in unknowns.items()} == {
         f"vertical.g{axis}": ["value", "standard_error"] for axis in "xyz"
     }
+    of_length, of_angles = (told["fitted_by_target"][name] for name in told["fitted_by_target"])
+    assert "mean_mm" in of_length
+    assert "mean_mrad" not in of_length
+    assert "mean_mrad" in of_angles
+    assert not [key for key in of_angles if key.endswith("_mm")]
     judged = json.loads(taskcal("validate", "tilts.json", "tilts.csv", "--json"))
     assert judged["max_mrad"] < 0.4, judged
+    assert {("error_mm" in row, "error_mrad" in row) for row in judged["rows"]} == {(True, False), (False, True)}
     taskcal("report", "tilts.json", "-o", "tilts.html", "--force")
     assert " mrad, then " in (folder / "tilts.html").read_text(encoding="utf-8")
     assert "no mistake found" in taskcal("doctor", "--robot", "arm.json", "tilts.csv")

@@ -72,7 +72,7 @@ class Validation:
         return cls(
             errors=error_lengths(residual, kinds)[rows, targets],
             components=components,
-            rotations=np.linalg.norm(turn, axis=1) if turn.shape[1] else None,
+            rotations=None if np.isnan(turn).all() else np.linalg.norm(turn, axis=1),
             rows=tuple(int(row) for row in rows),
             in_space=all(kind.width - kind.angles in (0, 3) for kind in kinds),
             lengths=_of_lengths(kinds)[targets],

@@ -270,7 +270,8 @@ class Examination:
     def points(self) -> list[dict[str, Any]]:
         """Every point in millimetres and milliradians, in the order of the campaign.
 
-        Of a kind that measures one number its error with its sign; along the axes of the base only what was measured along them.
+        Of a kind that measures one number its error with its sign; along the axes of the base only what was measured along them;
+        of a kind that measures angles alone no millimetres.
         """
         return [self._point(k) for k in range(len(self.validation))]
 
@@ -281,9 +282,10 @@ class Examination:
             "line": self.campaign.line_of(row),
             "id": self.campaign.ids[row],
             "target": self.campaign.targets[self.targets[k]],
-            "error_mm": float(validation.errors[k]) * 1e3,
-            **self._farthest[row],
         }
+        if validation.lengths is None or validation.lengths[k]:
+            out["error_mm"] = float(validation.errors[k]) * 1e3
+        out |= self._farthest[row]
         if np.isfinite(self.signed[k]):
             out["signed_mm"] = float(self.signed[k]) * 1e3
         if np.isfinite(validation.components[k]).all():

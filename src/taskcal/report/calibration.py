@@ -839,12 +839,17 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
 
 
 def residuals_by_target(calibration: Calibration) -> dict[str, dict[str, float | int]]:
-    """`Validation.summary` of the residuals of each target that was seen."""
+    """`Validation.summary` of the residuals of each target that was seen; of one that angles alone are measured of, no lengths."""
     base, kinds, residuals = calibration.T_tracker_base[:3, :3], calibration.layout.observed, calibration.residuals
-    return {
+    summaries = {
         name: Validation.of_residuals(residuals[:, [t]], base, kinds[t : t + 1]).summary()
         for t, name in enumerate(calibration.targets)
         if not np.isnan(residuals[:, t]).all()
+    }
+    angles = {name for name, kind in zip(calibration.targets, kinds, strict=True) if kind.width == kind.angles}
+    return {
+        name: {key: value for key, value in summary.items() if name not in angles or not key.endswith("_mm")}
+        for name, summary in summaries.items()
     }
 
 

@@ -181,7 +181,7 @@ def tabulate_points(examination: Examination, count: int | None) -> TextTable:
         Column("line", "line", "d"),
         Column("id", "id"),
         Column("target", "target"),
-        Column("error mm", lambda p: f"{p['signed_mm']:+.3f}" if "signed_mm" in p else f"{p['error_mm']:.3f}", "s"),
+        Column("error mm", _error_mm, "s"),
     ]
     if examination.validation.has_axes:
         columns += [Column(f"{axis} mm", f"{axis}_mm", "+.3f") for axis in "xyz"]
@@ -196,6 +196,13 @@ def tabulate_points(examination: Examination, count: int | None) -> TextTable:
     axes = "; x, y and z along the robot's base." if examination.validation.has_axes else "."
     title = "All points" if count is None else f"The {len(rows)} worst of {len(everything)} points"
     return TextTable.of(title, columns, rows, note=f"{COUNTED[:-1]}{axes}")
+
+
+def _error_mm(point: Mapping[str, Any]) -> str | None:
+    """Of a kind that measures one number with its sign; None of one that measures angles alone."""
+    if "signed_mm" in point:
+        return f"{point['signed_mm']:+.3f}"
+    return f"{point['error_mm']:.3f}" if "error_mm" in point else None
 
 
 def tabulate_examined_outliers(examination: Examination, count: int | None = None) -> TextTable:
