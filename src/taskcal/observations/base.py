@@ -309,16 +309,23 @@ class Observation(ABC):
         """Register it.
 
         Raises:
-            TaskcalError: another kind has its key.
+            TaskcalError: another kind has its key or its instrument, or it needs a column that it does not read.
         """
         super().__init_subclass__()
         if "key" not in vars(cls):
             return
-        other = _KINDS.setdefault(cls.key, cls)
-        if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+        said = f"the kind of observation {cls.__name__} of the module {cls.__module__}"
+        taken = [(cls.key, other) for other in _KINDS.values() if other.key == cls.key]
+        taken += [(cls.instrument, other) for other in _KINDS.values() if cls.instrument == other.instrument != ""]
+        for name, other in taken:
+            if (other.__module__, other.__qualname__) != (cls.__module__, cls.__qualname__):
+                raise TaskcalError(
+                    f"{said} cannot be called '{name}': {other.__name__} of {other.__module__} is; choose another name"
+                )
+        if lacking := {*cls.needed, *filter(None, [cls.label])} - cls.columns.keys():
             raise TaskcalError(
-                f"the kind of observation {cls.__name__} of the module {cls.__module__} cannot be called '{cls.key}': "
-                f"{other.__name__} of {other.__module__} is; choose another name"
+                f"{said} needs the column '{min(lacking)}' and does not read it; name it in its columns "
+                f"({', '.join(cls.columns) or 'none'}), too"
             )
         _KINDS[cls.key] = cls
 
