@@ -294,6 +294,15 @@ def test_doctor_finds_a_mistake_that_is_only_registered(monkeypatch):
     np.testing.assert_allclose(found.campaign.q, sound.q, atol=1e-12)
 
 
+def test_a_hypothesis_of_no_registered_mistake_is_refused(monkeypatch):
+    def misspelt(case):
+        yield Hypothesis(id="joint-singn", subject=("J1",), fix="")
+
+    monkeypatch.setitem(MISTAKES, "joint-sign", replace(MISTAKES["joint-sign"], find=misspelt))
+    with pytest.raises(ValueError, match="misspelt yields 'joint-singn', which its @looked_for does not name"):
+        diagnose(virtual("ur5"), load_robot("ur5"))
+
+
 def test_stations_of_too_few_rows_are_all_named():
     """Each is examined by itself, so that rows of several do not add up."""
     sound = virtual("ur5", rows=15)

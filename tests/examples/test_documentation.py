@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from taskcal.diagnosis.diagnose import MISTAKES
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -92,6 +94,11 @@ def test_the_tutorial_s_road_leads_where_it_says(tmp_path):
 
 
 @pytest.mark.long
+def test_every_mistake_of_the_doctor_is_on_its_page():
+    page = (ROOT / "docs/how-to/what-is-wrong.md").read_text(encoding="utf-8")
+    assert MISTAKES.keys() <= {*re.findall(r"`([a-z-]+)`", page)}
+
+
 def test_the_plan_of_the_guide_is_worth_what_it_says(tmp_path):
     tolerances, task = blocks("docs/tutorial/index.md", "toml")
     table = next(b for b in blocks("docs/tutorial/index.md", "text") if b.startswith("joint,"))

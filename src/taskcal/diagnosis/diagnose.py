@@ -85,7 +85,7 @@ def spread_said(case: Case) -> str:
     )
 
 
-@looked_for("poses", "few-orientations")
+@looked_for("poses", "few-orientations", measured_anew=True)
 def find_narrowness(case: Case, error: float) -> Finding | None:
     """Finding on orientations that hardly differ, with the error as given, metres."""
     T = case.usable()[1]
@@ -372,9 +372,6 @@ MAX_COURSE_SHARE = 0.2
 """Median distance of the campaign as given over the reach, at most, where a slip, move or drift alone may explain it. A
 convention: beyond, joints or frames are wrong."""
 
-NOT_MENDED_BY_A_FILE = ("drift", "encoder-jumped", "clocks-apart", "few-digits", "two-robots")
-"""Events during a campaign, which no change of the file can fix."""
-
 
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -450,7 +447,7 @@ def diagnose(campaign: Campaign, robot: Robot, *, progress: Progress = silent) -
     return _with_held_out(_diagnose_tracked(case, progress), case)
 
 
-@looked_for("rows", "calculated-points")
+@looked_for("rows", "calculated-points", measured_anew=True)
 def _calculated(case: Case) -> Finding | None:
     """The only finding where the controller's own positions were given for measured ones."""
     rows, T = case.usable()
@@ -508,7 +505,7 @@ def _diagnose_tracked(case: Case, progress: Progress) -> Diagnosis:
     if local is not None:
         finding, without = local
         findings.append(finding)
-        if finding.id in NOT_MENDED_BY_A_FILE:
+        if MISTAKES[finding.id].measured_anew:
             unmended.append(finding.id)
         else:
             mended = without
@@ -610,7 +607,7 @@ def _left(found: Diagnosis) -> float:
     return np.inf if after is None else after
 
 
-@looked_for("rows", "too-few-rows")
+@looked_for("rows", "too-few-rows", measured_anew=True)
 def _too_few(campaign: Campaign) -> Finding | None:
     """The only finding where no half of the rows can be judged by the other."""
     fix = ""
@@ -631,7 +628,7 @@ def _too_few(campaign: Campaign) -> Finding | None:
     return Finding(id="too-few-rows", subject=(), error_before=None, error_after=None, confidence=0.99, fix=fix)
 
 
-@looked_for("rows", "one-joint-moves")
+@looked_for("rows", "one-joint-moves", measured_anew=True)
 def _one_joint(campaign: Campaign, robot: Robot) -> Finding | None:
     """The only finding where one joint moves, or none: any robot fits points on a circle about an axis."""
     names = name_moving(campaign, robot.joint_names)

@@ -59,7 +59,8 @@ def find_drift_or_slip(explanation: Candidate) -> Local | None:
     return _find_two_robots(explanation.case, found) or found
 
 
-@looked_for("drift", "target-slipped", "station-moved", "drift", "encoder-jumped", "clocks-apart")
+@looked_for("drift", "drift", "encoder-jumped", "clocks-apart", measured_anew=True)
+@looked_for("drift", "target-slipped", "station-moved")
 def _find_in_course(explanation: Candidate) -> Local | None:
     case = _followed(explanation.case)
     swapped = find_swapped(case)
@@ -78,7 +79,7 @@ def _find_in_course(explanation: Candidate) -> Local | None:
     return found_local(event, explanation.case, fit)
 
 
-@looked_for("rows", "few-digits")
+@looked_for("rows", "few-digits", measured_anew=True)
 def _find_few_digits(case: Case, fit: LinearFit) -> Local | None:
     """That joints or points were written with few digits, where it explains all that is left; nothing mends it but writing more."""
     q, points = case.campaign.q[np.unique(fit.rows)], case.campaign.points[fit.rows, fit.targets]
@@ -221,7 +222,7 @@ class _Parted(NamedTuple):
     """Median distance between them, metres."""
 
 
-@looked_for("drift", "two-robots")
+@looked_for("drift", "two-robots", measured_anew=True)
 def _find_two_robots(case: Case, found: Local | None) -> Local | None:
     """Another robot from one row on, where the campaign without what was found instead leaves as much to it."""
     mended = case if found is None or found[1] is case.campaign else replace(case, campaign=found[1])

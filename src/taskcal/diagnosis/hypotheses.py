@@ -117,6 +117,8 @@ class Mistake:
     """Finds it: a function from the case to hypotheses, where it is one of how things were written."""
     without_tracker: bool = False
     """Whether it is tried by itself on observations that take long to register."""
+    measured_anew: bool = False
+    """Whether only other measurements mend it, and no change of the file or of the robot."""
 
 
 MISTAKES: dict[str, Mistake] = {}
@@ -125,21 +127,33 @@ MISTAKES: dict[str, Mistake] = {}
 Finder = TypeVar("Finder", bound=Callable[..., Any])
 
 
-def looked_for(part: Part, *ids: str, without_tracker: bool = False) -> Callable[[Finder], Finder]:
+def looked_for(
+    part: Part, *ids: str, without_tracker: bool = False, measured_anew: bool = False
+) -> Callable[[Finder], Finder]:
     """Decorator: enter the mistakes that a function or class finds, with their texts to be in ``taskcal_studio/texts.toml``."""
 
     def enter(find: Finder) -> Finder:
-        MISTAKES.update({name: Mistake(id=name, part=part, find=find, without_tracker=without_tracker) for name in ids})
+        for name in ids:
+            MISTAKES[name] = Mistake(
+                id=name, part=part, find=find, without_tracker=without_tracker, measured_anew=measured_anew
+            )
         return find
 
     return enter
 
 
 def hypotheses_of(case: Case, *parts: Part) -> Iterator[Hypothesis]:
-    """Every mistake of some parts that may have been written into a case, one at a time."""
+    """Every mistake of some parts that may have been written into a case, one at a time.
+
+    Raises:
+        ValueError: a function yields one that its decorator does not name.
+    """
     for part in parts:
         for find in dict.fromkeys(mistake.find for mistake in MISTAKES.values() if mistake.part == part):
-            yield from find(case)
+            for hypothesis in find(case):
+                if hypothesis.id not in MISTAKES:
+                    raise ValueError(f"{find.__name__} yields '{hypothesis.id}', which its @looked_for does not name")
+                yield hypothesis
 
 
 # One mistake that was found.

@@ -16,9 +16,8 @@ from taskcal.observations.camera import Pictures
 from taskcal.reading.pictures import FEWEST_SHIFTED, LOCK, BoardPoses, find_move, focus_drift, is_of_other_size
 from taskcal.registration.length_scale import board_said, find_length_scale
 
-NOT_TOLD_OF_IMAGES = ("inverse-poses", "small-workspace")
-"""The first says no more than that the camera is beside the robot, or on the wrist, after all; and a camera that looks at a board
-cannot go as far as a target that a tracker follows."""
+NOT_TOLD_OF_IMAGES = ("inverse-poses",)
+"""It says no more than that the camera is beside the robot, or on the wrist, after all."""
 
 NOT_TOLD_BESIDE_FOCUS = ("drift", "points-scaled")
 """A focus that changes makes distances larger and smaller, and tells neither a drift nor the size of the board."""

@@ -16,6 +16,7 @@ from nicegui.element import Element
 from taskcal.campaigns.campaign import Campaign
 from taskcal.campaigns.drift import compensate_drift, observe_reference_points
 from taskcal.campaigns.performance import RepeatedPoses, pose_repeatability
+from taskcal.diagnosis.diagnose import MISTAKES
 from taskcal.diagnosis.mistakes import other_convention
 from taskcal.errors import CampaignError, TaskcalError
 from taskcal.observations import images_of
@@ -305,40 +306,34 @@ def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts:
         for finding in findings:
             if finding in written[1:]:
                 continue  # the file is written without all of them
-            if not is_of_file(finding) and finding["alternative"] and finding["id"] not in OF_ROBOT:
+            if not is_of_file(finding) and finding["alternative"] and not is_of_robot(finding):
                 continue
             label = texts.named("mend", finding["id"], subject=", ".join(finding["subject"]))
             if finding in written and len(written) > 1:
                 label = texts("measurements.mend_all", count=len(written))
-            button(label, lambda finding=finding: mend_finding(studio, finding), plain=finding["id"] in OF_PLAN)
+            button(label, lambda finding=finding: mend_finding(studio, finding), plain=is_of_plan(finding))
         if studio.project.choices.accepted != now and any(map(is_in_the_way, findings)):
             button(texts("measurements.accept"), lambda: _accept(studio, now), plain=True)
 
 
-OF_ROBOT = ("dh-convention", "other-robot")
-"""Findings that another robot file mends."""
+def is_of_robot(finding: Mapping[str, Any]) -> bool:
+    """Whether another robot file mends a finding."""
+    return MISTAKES[finding["id"]].part == "robot"
 
-OF_PLAN = (
-    "too-few-rows",
-    "few-orientations",
-    "drift",
-    "encoder-jumped",
-    "clocks-apart",
-    "few-digits",
-    "two-robots",
-    "calculated-points",
-)
-"""Findings that other measurements mend."""
+
+def is_of_plan(finding: Mapping[str, Any]) -> bool:
+    """Whether other measurements mend a finding."""
+    return MISTAKES[finding["id"]].measured_anew
 
 
 def is_in_the_way(finding: Mapping[str, Any]) -> bool:
     """Whether a finding is to be mended, or accepted, before one goes on."""
-    return finding["id"] not in OF_PLAN and not finding["alternative"]
+    return not is_of_plan(finding) and not finding["alternative"]
 
 
 def is_of_file(finding: Mapping[str, Any]) -> bool:
     """Whether the campaign's file is written anew without a finding."""
-    return is_in_the_way(finding) and finding["id"] not in OF_ROBOT
+    return is_in_the_way(finding) and not is_of_robot(finding)
 
 
 def mend_finding(studio: Studio, finding: Mapping[str, Any]) -> None:
@@ -356,8 +351,8 @@ def mend_finding(studio: Studio, finding: Mapping[str, Any]) -> None:
     elif finding["id"] == "other-robot" and finding["subject"]:
         project.choose(robot=finding["subject"][0])
         ui.navigate.reload()
-    elif finding["id"] in (*OF_ROBOT, *OF_PLAN):
-        ui.navigate.to("/robot" if finding["id"] in OF_ROBOT else "/plan")
+    elif is_of_robot(finding) or is_of_plan(finding):
+        ui.navigate.to("/robot" if is_of_robot(finding) else "/plan")
     else:
         taken = [Path(path).name for path in project.files(LAYOUT.campaigns)]
         new = f"{LAYOUT.campaigns}/{free_name(f'{Path(choices.campaign).stem}.csv', taken)}"
