@@ -193,11 +193,16 @@ def check_instruments(observe: str, *, several: bool = True) -> str:
     """The names of one instrument or several with a plus between, all of them known.
 
     Raises:
-        typer.BadParameter: there is no such instrument.
+        typer.BadParameter: there is no such instrument, or there are several where one is asked for.
     """
     from taskcal.errors import CampaignError, UnknownName
     from taskcal.observations import instrument_of
 
+    if not several and "+" in observe:
+        raise typer.BadParameter(
+            f"'{observe}' names several instruments; name one, or simulate what several give by taskcal study",
+            param_hint="--observe",
+        )
     try:
         if not several:
             instrument_of(observe)
