@@ -14,10 +14,10 @@ HEAVY = ("numpy", "scipy", "numba", "pandas")
     ("command", "said"),
     [
         ("identify --robot ur5 none.csv -o x.json", "none.csv: cannot be read: No such file or directory"),
-        ("validate table.csv table.csv", "table.csv:1: is not a whole JSON file"),
+        ("validate table.csv table.csv", "table.csv: is not JSON, and no calibration"),
         ("validate other.json table.csv", "other.json: is JSON, but not a calibration"),
         ("compare later.json later.json", "later.json: has format version 99"),
-        ("correct -c table.csv table.csv -o x.csv", "table.csv:1: is not a whole JSON file"),
+        ("correct -c table.csv table.csv -o x.csv", "table.csv: is not JSON, and no calibration"),
     ],
 )
 def test_a_wrong_file_is_refused_without_them(tmp_path: Path, command: str, said: str) -> None:

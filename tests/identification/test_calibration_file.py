@@ -212,7 +212,10 @@ BROKEN = {
         lambda text: text[: len(text) // 2],
         r"cal\.json:\d+: is not a whole JSON file.*cut off: save the calibration again",
     ),
-    "no JSON": (lambda text: "id,J1_deg\n1,2\n", r"cal\.json:1: is not a whole JSON file"),
+    "no JSON": (
+        lambda text: "id,J1_deg\n1,2\n",
+        r"cal\.json: is not JSON, and no calibration; give a file that taskcal identify wrote",
+    ),
     "a list": (lambda text: "[1, 2]", "is JSON, but not a calibration: 'format' is not 'taskcal-calibration'"),
     "foreign": (lambda text: '{"format": "other"}', "is JSON, but not a calibration"),
     "later version": (

@@ -93,7 +93,7 @@ def test_reader_reports_the_first_twenty_faults_at_once(tmp_path):
     lines = str(caught.value).split("\n")
     assert [line.split("campaign.csv:")[1] for line in lines] == [
         "3: column 'J1_deg': 'up' is not a number; give a number such as 12.5",
-        "4: the line has 6 fields, the header 7",
+        "4: the line has 6 fields, the header 7; write one for each column, or leave the line out",
         "5: column 'x_mm': 'lost' is not a number; give a number such as 12.5",
     ]
     assert (caught.value.line, caught.value.column) == (3, "J1_deg")

@@ -48,7 +48,7 @@ def test_lines_of_another_width_are_faults_and_the_rest_is_read():
     out = laid("a,b\n1,2\n3\n4,5\n6,7,8\n9,9\n")
     assert list(out.lines) == [2, 4, 6]
     assert [str(fault) for fault in out.faults] == [
-        "a.txt:3: the line has 1 fields, the header 2",
+        "a.txt:3: the line has 1 fields, the header 2; write one for each column, or leave the line out",
         "a.txt:5: the line has 3 fields, the header 2; is it written with decimal commas?",
     ]
 

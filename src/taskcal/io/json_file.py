@@ -197,6 +197,10 @@ class SealedFile:
         except RecursionError as error:
             raise FileError(path, f"is not a {what}: its JSON is nested too deeply") from error
         except json.JSONDecodeError as error:
+            if text.strip() and text.lstrip()[0] not in "{[":
+                raise FileError(
+                    path, f"is not JSON, and no {what}; give a file that taskcal {self.command} wrote"
+                ) from error
             message = f"is not a whole JSON file; it may have been cut off: {self.cut_off or again}"
             raise FileError(path, message, line=error.lineno) from error
         except ValueError as error:

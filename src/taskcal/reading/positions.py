@@ -252,7 +252,9 @@ def _unit(table: Table, name: str, axes: Mapping[int, tuple[str, Meaning]]) -> s
     for axis in range(3):
         if axis not in axes:
             spelled = have[: len(have) - len("x_mm")] if have.lower().endswith("_mm") else (f"{name}_" if name else "")
-            raise table.header_error(f"has '{have}' but no column '{spelled}{'xyz'[axis]}_mm'")
+            raise table.header_error(
+                f"has '{have}' but no column '{spelled}{'xyz'[axis]}_mm'; a point needs x, y and z"
+            )
     columns = {column: meaning.unit for column, meaning in axes.values()}
     units = set(columns.values())
     if units == {None}:

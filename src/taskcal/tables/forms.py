@@ -168,6 +168,8 @@ GROUP = "taskcal.table_forms"
 
 def _parse_columns(path: Path, text: str, form: TableForm) -> Sheet:
     refuse_coordinate_lines(path, text)
+    if re.match(r'\s*\{\s*"', text):
+        raise FileError(path, "is JSON, not a table; give a table with a row for each measured pose")
     return parse_delimited(path, text, form.decimal)
 
 
@@ -639,7 +641,7 @@ def _no_table(sheet: Sheet, width: int, sound: int) -> FileError:
 
 def _wrong_width(sheet: Sheet, header: tuple[str, ...], line: int, row: tuple[str, ...]) -> FileError:
     decimal = sheet.separator == "," and len(row) > len(header)
-    hint = "; is it written with decimal commas?" if decimal else ""
+    hint = "; is it written with decimal commas?" if decimal else "; write one for each column, or leave the line out"
     if any(header):
         message = f"the line has {len(row)} fields, the header {len(header)}{hint}"
     else:

@@ -163,7 +163,7 @@ def test_what_cannot_be_reported(run: Run, cell: Path, tmp_path: Path) -> None:
     (tmp_path / "far.toml").write_text((cell / "task.toml").read_text().replace("1711.0", "8711.0"))
     page = tmp_path / "r.html"
     for arguments, said in (
-        ([cell / "one.csv", "-o", page], "is not a whole JSON file"),
+        ([cell / "one.csv", "-o", page], "is not JSON, and no calibration"),
         ([cell / "nowhere.json", "-o", page], "cannot be read"),
         ([cell / "cal.json", "--task", tmp_path / "far.toml", "-o", page], "x 8711"),
         ([cell / "cal.json", "-o", cell / "cal.json"], "would overwrite"),
