@@ -1,4 +1,4 @@
-"""A command of the command line: its help ends with the effects it can take."""
+"""A command of the command line: its options as they are declared, its help, and what is wrong with a value in users' words."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
