@@ -9,12 +9,15 @@ from scipy.stats import chi2, multivariate_t
 from taskcal.estimation.noisy_rows import FREEDOM, log_weights, weigh
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import explain
-from taskcal.identification.holdout import stretch_of
+from taskcal.identification.group_search import Sharpened, find_group_model, prove_lines
+from taskcal.identification.holdout import split_postures, stretch_of
 from taskcal.identification.identify import identify
+from taskcal.identification.options import FitOptions
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.effects import SPECTRUM, EncoderGain, Harmonics
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
+from tests.realdata.scores import gears, splits
 
 GAIN = EncoderGain()
 
@@ -90,6 +93,29 @@ def test_non_integer_motor_order_is_identified():
     assert min(abs(order - 101.37) for order in sharp[0].orders) < 0.5
     error = np.linalg.norm(found.calibration.predict(unseen) - truth.points(unseen), axis=2).mean()
     assert error < 3e-5
+
+
+def test_a_line_that_lower_orders_would_follow_is_found_first():
+    """A robot with lines of two gears beside low orders: the spectrum, fitted before them, follows that of J2."""
+    model, campaign = gears(3)
+    rows = next(iter(splits(model, campaign, (1, 0, 0))))[1]
+    found = explain(model, campaign.take(rows))
+    assert {name for effect in found.effects for name in effect.joints} == {"J2", "J3"}
+
+
+def test_lines_need_the_evidence_of_the_whole_model():
+    """A line that is not there does not stand beside the effects that are."""
+    model, campaign, *_ = measured(40, true=Harmonics(orders=(1,)))
+    start = fit_of(model, campaign, Harmonics(orders=(1,)))
+    kept = prove_lines(identify(model, campaign), campaign, [("J2", 60.5)], start, FitOptions(), None)
+    assert kept is start
+
+
+def fit_of(model, campaign, effect):
+    """Of geometry and an effect."""
+    parts, base = split_postures(campaign.q, 3, 0), identify(model, campaign)
+    found = find_group_model(base, campaign, [effect], [], parts, FitOptions(), seed=0, progress=[].append)
+    return Sharpened(others=(effect,), lines=[], fitted=found.fitted)
 
 
 @pytest.mark.parametrize("tracker", [0.01, 1.0, 3.0])

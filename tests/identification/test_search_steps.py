@@ -17,7 +17,7 @@ from taskcal.virtual.cell import simulate
         (EffectSearch(candidates=(EncoderGain(), Compliance(), SOFT), folds=3), 0),
         (EffectSearch(effects=(EncoderGain(),), folds=2), 0),
         (EffectSearch(effects=(), folds=2), 0),
-        pytest.param(EffectSearch(candidates=(SPECTRUM,), folds=2), 3, marks=pytest.mark.slow),
+        pytest.param(EffectSearch(candidates=(SPECTRUM,), folds=2), 1, marks=pytest.mark.slow),
     ],
     ids=["candidates", "named", "none", "spectrum"],
 )

@@ -23,7 +23,7 @@ from taskcal.identification.checks.checks import with_checks
 from taskcal.identification.group_search import (
     LEAVING_OUT,
     SHARPENING,
-    SHARPENINGS,
+    STARTS,
     TOGETHER,
     GroupModelFound,
     find_group_model,
@@ -193,7 +193,7 @@ def search_steps(model: ErrorModel, campaign: Campaign, search: EffectSearch) ->
         competing, instead = competing_effects(model, campaign, search)
         if competing:
             steps += [TOGETHER, *(effect.name for effect in instead)]
-            steps += [SHARPENING] * (SHARPENINGS if SPECTRUM in [*competing, *instead] else 0)
+            steps += [SHARPENING] * (STARTS if SPECTRUM in [*competing, *instead] else 0)
             steps.append(LEAVING_OUT)
     return tuple(steps)
 

@@ -189,12 +189,84 @@ SHARP_TOLERANCE = 3e-5
 """Amplitude expected of each, radians: six seconds of arc."""
 
 
-def find_sharp_orders(fitted: GroupFit, lowest: float) -> list[tuple[str, float]]:
+LOWEST_LINE = max(SPECTRUM.orders) + 0.5
+"""Order from which on lines are looked for: lower ones are the spectrum's."""
+
+
+def find_lines(base: Calibration, campaign: Campaign, options: FitOptions) -> list[tuple[str, float]]:
+    """Joints and orders above the spectrum's that what geometry leaves proves, before the other effects take part.
+
+    Among the rows the spectrum, whose common size it raises, and the smooth field may follow such a line, so that nothing of it is
+    left to be found. Beyond the rows they go on where it does not.
+
+    Args:
+        base: a calibration of the geometry.
+        campaign: the measurements.
+        options: of the fit.
+    """
+    lines: list[tuple[str, float]] = []
+    fitted = _fit(base, campaign, (), options, None, SHARPENING_ROUNDS)
+    for _ in range(SHARPENINGS):
+        new = [line for line in find_sharp_orders(fitted, LOWEST_LINE, 1) if line not in lines]
+        if not new:
+            break
+        lines += new
+        fitted = _fit(base, campaign, as_effects(lines), options, fitted, SHARPENING_ROUNDS)
+    return lines
+
+
+def prove_lines(
+    base: Calibration,
+    campaign: Campaign,
+    lines: list[tuple[str, float]],
+    without: "Sharpened",
+    options: FitOptions,
+    like: Calibration | None,
+) -> "Sharpened":
+    """Lines that stand beside all other effects, and the fit of the whole model with these.
+
+    What geometry leaves is not white: lines are found in it that the other effects tell as well. Those of a joint stay where the
+    model with them, fitted from the start, is likelier than without.
+
+    Args:
+        base: a calibration of the geometry.
+        campaign: the measurements.
+        lines: joints and orders.
+        without: the fit of all other effects.
+        options: of the fit.
+        like: a sibling whose sizes are expected.
+    """
+
+    def with_lines(some: list[tuple[str, float]]) -> Sharpened:
+        if not some:
+            return without
+        return replace(
+            without,
+            lines=some,
+            fitted=_fit(base, campaign, (*without.others, *as_effects(some)), options, None, like=like),
+        )
+
+    best = with_lines(lines)
+    for joint in dict.fromkeys(joint for joint, _ in reversed(lines)):
+        rest = with_lines([line for line in best.lines if line[0] != joint])
+        best = rest if rest.log_posterior > best.log_posterior else best
+    return best
+
+
+def orders_tried(fitted: GroupFit, lowest: float) -> float:
+    """Orders from the lowest on that the rows tell apart, over all joints."""
+    robot = fitted.group_model.problem.layout.model.robot
+    ranges = np.ptp(robot.joint_map(fitted.group_model.problem.q), axis=0)
+    return float(ranges[~np.array(robot.prismatic) & (ranges > MIN_RANGE_RAD)].sum() * (MAX_ORDER - lowest) / np.pi)
+
+
+def find_sharp_orders(fitted: GroupFit, lowest: float, most: int = MAX_NEW_ORDERS) -> list[tuple[str, float]]:
     """Joints and orders that the fit's residuals prove, the clearest first.
 
     Args:
         fitted: the fit.
         lowest: order from which on the search begins.
+        most: of a joint.
     """
     robot, at = fitted.group_model.problem.layout.model.robot, fitted.at
     q = robot.joint_map(fitted.group_model.problem.q)
@@ -205,14 +277,13 @@ def find_sharp_orders(fitted: GroupFit, lowest: float) -> list[tuple[str, float]
     size = 0.5 * np.einsum("nik,nik->k", at.by_joint, weighted)
     ranges = np.ptp(q, axis=0)
     joints = [j for j in range(len(ranges)) if not robot.prismatic[j] and ranges[j] > MIN_RANGE_RAD and size[j] > 0.0]
-    tried = sum((MAX_ORDER - lowest) * ranges[j] / np.pi for j in joints)
-    beyond_chance = 2.0 * np.log(max(tried, 1.0) / CHANCE)
+    beyond_chance = 2.0 * np.log(max(orders_tried(fitted, lowest), 1.0) / CHANCE)
     found: list[tuple[float, int, float]] = []
     for j in joints:
         period = 2.0 * np.pi / ranges[j]
         orders = np.arange(lowest, MAX_ORDER, FINENESS * period)
         test = _spectrum(q[:, j], pull[:, j], orders) / size[j]
-        for _ in range(MAX_NEW_ORDERS):
+        for _ in range(most):
             k = int(test.argmax())
             if test[k] < beyond_chance:
                 break
@@ -282,8 +353,12 @@ LEAVING_OUT = "cross-validation"
 START_LOG_VARIANCE = 2.0
 """Log variance of every group to start from: from a size that is next to nothing the scoring would hardly come back."""
 
+STARTS = 2
+"""From which orders are looked for: what the whole model leaves, and lines that were found in what geometry leaves."""
+
 SHARPENINGS = 4
-"""Searches for sharp orders, at most; each finds what stood behind the clearest ones. A convention that bounds the time."""
+"""Searches for sharp orders from a start, at most; each finds what stood behind the clearest ones. A convention that bounds the
+time."""
 
 SHARPENING_ROUNDS = 2
 """Of a fit between, which need not be at its end."""
@@ -302,6 +377,59 @@ class GroupModelFound:
     errors: LeftOutErrors
     effects: tuple[Effect, ...]
     """All that take part, beside those of the model it started from."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sharpened:
+    """A fit of the whole model with lines of gears and motors."""
+
+    others: tuple[Effect, ...]
+    """All other effects."""
+    lines: list[tuple[str, float]]
+    """Joints and orders."""
+    fitted: GroupFit
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """All that take part."""
+        return (*self.others, *as_effects(self.lines))
+
+    @property
+    def log_posterior(self) -> float:
+        """Log evidence; every order was as likely as any other before."""
+        each = np.log(max(orders_tried(self.fitted, LOWEST_LINE), 1.0))
+        return self.fitted.end.log_evidence - len(self.lines) * float(each)
+
+
+def sharpen(
+    base: Calibration,
+    campaign: Campaign,
+    start: Sharpened,
+    options: FitOptions,
+    like: Calibration | None,
+) -> Sharpened:
+    """Lines and clear orders that are proven in what the whole model leaves, and the fit with them.
+
+    Args:
+        base: a calibration of the geometry.
+        campaign: the measurements.
+        start: a fit, with the lines of which it is known.
+        options: of the fit.
+        like: a sibling whose sizes are expected.
+    """
+    fitted, lines = start.fitted, start.lines
+    clear: dict[str, tuple[str, float]] = {}
+    for _ in range(SHARPENINGS):
+        clearer = find_clear_orders(fitted, SPECTRUM.name)
+        new = [line for line in find_sharp_orders(fitted, LOWEST_LINE) if line not in lines]
+        if not new and not clearer:
+            break
+        lines, clear = lines + new, clear | clearer
+        effects = (*start.others, *as_effects(lines))
+        fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear, like)
+    if lines != start.lines or clear:
+        fitted = _fit(base, campaign, (*start.others, *as_effects(lines)), options, fitted, apart=clear, like=like)
+    return replace(start, lines=lines, fitted=fitted)
 
 
 def find_group_model(
@@ -349,21 +477,16 @@ def find_group_model(
         tried = _fit(base, campaign, replaced, options, None, like=like)
         if tried.end.log_evidence > fitted.end.log_evidence:
             effects, fitted = replaced, tried
-    competing = effects
     if SPECTRUM in effects:
-        sharp: list[tuple[str, float]] = []
-        clear: dict[str, tuple[str, float]] = {}
-        for _ in range(SHARPENINGS):
+        progress(SHARPENING)
+        start = Sharpened(others=effects, lines=[], fitted=fitted)
+        best, lines = sharpen(base, campaign, start, options, like), find_lines(base, campaign, options)
+        if set(lines) - set(best.lines):
             progress(SHARPENING)
-            clearer = find_clear_orders(fitted, SPECTRUM.name)
-            new = [order for order in find_sharp_orders(fitted, max(SPECTRUM.orders) + 0.5) if order not in sharp]
-            if not new and not clearer:
-                break
-            sharp, clear = sharp + new, clear | clearer
-            effects = (*competing, *as_effects(sharp))
-            fitted = _fit(base, campaign, effects, options, fitted, SHARPENING_ROUNDS, clear, like)
-        if sharp or clear:
-            fitted = _fit(base, campaign, effects, options, fitted, apart=clear, like=like)
+            first = prove_lines(base, campaign, lines, start, options, like)
+            again = sharpen(base, campaign, first, options, like) if first.lines else first
+            best = again if again.log_posterior > best.log_posterior else best
+        effects, fitted = best.effects, best.fitted
     progress(LEAVING_OUT)
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
