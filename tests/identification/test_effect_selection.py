@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from taskcal.errors import FitError
 from taskcal.identification.calibration import load_calibration
-from taskcal.identification.effects import explain, untried_effects
+from taskcal.identification.effects import MIN_EVIDENCE_GAIN, explain, untried_effects
 from taskcal.identification.group_search import find_group_model
 from taskcal.identification.identify import identify
 from taskcal.identification.options import EffectSearch, FitOptions
@@ -19,6 +19,7 @@ from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot_file import robot_from
 from taskcal.virtual.cell import draw_defects, simulate
 from tests.laws.urdfs import telescopic_column
+from tests.realdata.scores import plain, splits
 
 CHEAP = (EncoderGain(), Harmonics(orders=(1,), tolerance=1e-4), Compliance(), Coupling())
 """Few parameters, for tests that are not about those of many."""
@@ -274,6 +275,39 @@ def test_effects_are_dropped_if_neighbours_or_ends_are_predicted_worse(robot, mo
     assert found.calibration.model == model
     assert said in found.steps[-1].reason
     assert found.steps[-1].reason in found.calibration.remarks[-1]
+
+
+def test_neighbours_that_are_worse_within_their_scatter_are_no_veto(robot, monkeypatch):
+    from taskcal.identification import effects as module
+
+    model, rng = ErrorModel(robot), np.random.default_rng(0)
+    campaign, _ = simulate(model + Harmonics(orders=(1,)), poses(robot, rng, 60), rng=rng)
+    errors_of = module.errors_of_parts
+
+    own: list[np.ndarray] = []
+    share = np.array([0.1, 1.05, 1.05, 1.05, 1.05])  # one group far better without, the others a little worse
+
+    def scattered(fitted, parts, effects=()):
+        errors = errors_of(fitted, parts, effects)
+        if effects:
+            own.append(errors.whole)
+        return errors if effects or len(parts) == 12 else replace(errors, whole=share * own[0])
+
+    monkeypatch.setattr(module, "errors_of_parts", scattered)
+    assert explain(model, campaign, candidates=CHEAP).effects
+    assert np.mean(share * own[0]) < np.mean(own[0])
+
+
+def test_a_robot_without_effects_gets_none_if_other_errors_are_likelier():
+    """Errors of joints and weights of poses alone may be likelier and seem better: that is no effect."""
+    model, campaign = plain(0)
+    rows = next(iter(splits(model, campaign, (1, 0, 0))))[1]
+    found = explain(model, campaign.take(rows))
+    assert found.steps[-1].worth > 0.0
+    assert found.steps[-1].log_evidence > MIN_EVIDENCE_GAIN
+    assert found.steps[-1].reason.endswith("but without the evidence for it")
+    assert not found.effects
+    assert found.calibration.model == model
 
 
 def test_an_effect_that_harms_the_ends_is_not_proven(robot, monkeypatch):

@@ -3,7 +3,7 @@
 With all of them, each effect of each joint is as large as the data say, which may be nothing (`group_model`). Closed forms tell
 what each is worth: how far the log evidence would fall without it, and how far the error where rows were not fitted would
 rise. The model is kept only where it predicts held-out rows better than the geometry alone, and where the log
-evidence is for it as much as for an effect that is called proven.
+evidence is for it, and for its effects together, as much as for an effect that is called proven.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -202,6 +202,11 @@ MIN_EVIDENCE_GAIN = 3.0
 """Fall of the log evidence without an effect from which on it is called proven: odds of 20 to 1. Decision 0012: effects that
 are not there gained 2.9 at most on 200 virtual robots, in the search as it was."""
 
+CLEAR_ERRORS = 2.0
+"""Standard errors by which held-out rows are predicted better, at least, where the evidence for the model is not that of its
+effects: errors of joints and weights of poses, which geometry alone does not have, may be likelier, too. A convention: by chance in
+one of forty."""
+
 MAX_COLLINEAR = 100
 """Parameters of an effect, at most, of which it is asked what geometry repeats of them. A convention: of more the sum counts,
 not each."""
@@ -267,9 +272,10 @@ def select_effects(
     it has the ways to its rows, thermal expansion where all rows have temperatures, or times, that differ enough. Of two that have
     parameters in common the model gets one.
 
-    All effects together are kept where they predict rows better that were not fitted, both single postures and groups of
-    neighbouring ones (`group_neighbours`), and the ends of the joints' ranges (`end_parts`) not clearly worse; else the geometry
-    is, or tracker frame and targets alone where no parameter of the geometry explains the rows. The calibration's remarks say so.
+    All effects together are kept where they predict rows better that were not fitted, and neither groups of neighbouring postures
+    (`group_neighbours`) nor the ends of the joints' ranges (`end_parts`) clearly worse, and the evidence is for them; else the
+    geometry is, or tracker frame and targets alone where no parameter of the geometry explains the rows. The calibration's remarks
+    say so.
 
     Args:
         model: the geometric model, possibly with effects that are certain, or expected whatever the data say.
@@ -441,7 +447,10 @@ def _find_all(
     whole = one.errors.whole
     gain, error = mean_over_rows(selection.errors - whole)
     after, before = one.calibration.log_evidence, selection.calibration.log_evidence
-    for_it = gain > error if after is None or before is None else after - before > MIN_EVIDENCE_GAIN
+    for_it = gain > error
+    if after is not None and before is not None:
+        told = gain > CLEAR_ERRORS * error or _evidence_of(one.effects, one) > MIN_EVIDENCE_GAIN
+        for_it = told and after - before > MIN_EVIDENCE_GAIN
     reason = f"predicts held-out rows {'' if gain > 0.0 else 'no '}better"
     if gain > 0.0 and not for_it:
         reason += ", but without the evidence for it"
@@ -503,12 +512,12 @@ class _Outer:
 
     def against(self) -> str:
         """Why the one model is worse than what is there; empty where it is not."""
-        beside, own = float(np.nanmean(self.beside_clusters)), float(np.nanmean(self.clusters.whole))
-        if own > beside:
-            return f"neighbouring poses left out together worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
-        if _clearly_less(self.beside_ends, self.ends.whole):
-            beside, own = float(np.nanmean(self.beside_ends)), float(np.nanmean(self.ends.whole))
-            return f"ends of the joints' ranges worse: {own * 1e3:.4f} in place of {beside * 1e3:.4f} mm"
+        for what, there, own in (
+            ("neighbouring poses left out together", self.beside_clusters, self.clusters.whole),
+            ("ends of the joints' ranges", self.beside_ends, self.ends.whole),
+        ):
+            if _clearly_less(there, own):
+                return f"{what} worse: {np.nanmean(own) * 1e3:.4f} in place of {np.nanmean(there) * 1e3:.4f} mm"
         return ""
 
     def harmed_by(self, effect: str) -> bool:
@@ -530,10 +539,15 @@ def _shortly(refusal: TaskcalError) -> str:
     return str(refusal).partition(". ")[0].partition("; ")[0]
 
 
+def _evidence_of(effects: Sequence[Effect], one: GroupModelFound) -> float:
+    """Fall of the log evidence without effects, all else as it is."""
+    groups = np.concatenate([one.fitted.group_model.of_effect(effect.name) for effect in effects])
+    return one.fitted.found.log_integrated() - one.fitted.found.log_integrated(groups)
+
+
 def _worth(effect: Effect, one: GroupModelFound, outer: _Outer, *, enters: bool) -> Stage:
     """Loss of the model without an effect."""
-    groups = one.fitted.group_model.of_effect(effect.name)
-    fall = one.fitted.found.log_integrated() - one.fitted.found.log_integrated(groups)
+    fall = _evidence_of([effect], one)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
     gained, harms = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})", outer.harmed_by(effect.name)
