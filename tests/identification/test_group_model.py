@@ -7,9 +7,10 @@ import pytest
 from scipy.stats import chi2, multivariate_t
 
 from taskcal.estimation.noisy_rows import FREEDOM, log_weights, weigh
+from taskcal.identification import holdout
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import explain
-from taskcal.identification.group_search import Sharpened, find_group_model, prove_lines
+from taskcal.identification.group_search import DRAWS, Sharpened, calibrate, find_group_model, prove_lines
 from taskcal.identification.holdout import split_postures, stretch_of
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
@@ -116,6 +117,18 @@ def fit_of(model, campaign, effect):
     parts, base = split_postures(campaign.q, 3, 0), identify(model, campaign)
     found = find_group_model(base, campaign, [effect], [], parts, FitOptions(), seed=0, progress=[].append)
     return Sharpened(others=(effect,), lines=[], fitted=found.fitted)
+
+
+def test_left_out_rows_are_judged_by_the_covariance_that_a_calibration_states(monkeypatch):
+    """Were no row left out, folds and ends would be judged by what the calibration of the same draws predicts."""
+    model, campaign, *_ = measured(40)
+    fitted = fit_of(model, campaign, GAIN).fitted
+    monkeypatch.setattr(holdout, "VALIDATION_DRAWS", DRAWS)
+    part = np.arange(len(campaign))
+    stated = holdout._judge(fitted, part, fitted.found, np.random.default_rng(0))[1]
+    made = calibrate(fitted, campaign, FitOptions(), 1.0, 0.0, np.random.default_rng(0))
+    expected = made.predict_covariance(campaign.q) + campaign.covariances()
+    np.testing.assert_allclose(stated, expected, rtol=1e-3, atol=1e-14)
 
 
 @pytest.mark.parametrize("tracker", [0.01, 1.0, 3.0])

@@ -352,8 +352,7 @@ def validate_groups(
         return at, [_lengths(fitted, part, at.without(group).mean) for group in numbers.values()]
 
     for part, (at, others) in zip(parts, _of_folds(fitted, parts, without_effects), strict=True):
-        spread = at.averaged_spread(fitted.end.A[part], VALIDATION_DRAWS, rng)
-        error[part], predicted[part] = _judge(fitted, part, at.mean, spread)
+        error[part], predicted[part] = _judge(fitted, part, at, rng)
         errors[""][part] = np.linalg.norm(error[part], axis=2)
         for name, lengths in zip(numbers, others, strict=True):
             errors[name][part] = lengths
@@ -446,12 +445,14 @@ def _lengths(fitted: GroupFit, part: np.ndarray, mean: np.ndarray) -> Float[np.n
 
 
 def _judge(
-    fitted: GroupFit, part: np.ndarray, mean: np.ndarray, spread: Float[np.ndarray, "k m m"]
+    fitted: GroupFit, part: np.ndarray, at: Evidence, rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "k targets 3"], Float[np.ndarray, "k targets 3 3"]]:
-    """Errors of position of some rows, and their predicted covariance, of which `spread` is that of what the model says."""
+    """Errors of position of some rows by the fit without them, and their covariance as a calibration of that would state it."""
     m = fitted.end.A.shape[1]
+    # of geometry's one size `about_calibration` has the expectation already
+    spread = at.averaged_spread(fitted.end.A[part], VALIDATION_DRAWS if fitted.group_model.tails else 1, rng)
     back = np.linalg.inv(fitted.end.whitener[part])
-    error = np.einsum("nij,nj->ni", back, _left(fitted, part, mean))
+    error = np.einsum("nij,nj->ni", back, _left(fitted, part, at.mean))
     # a new pose has a weight of its own, that is told by no residual
     single = np.eye(m) * fitted.end.weights[part, None, None]
     covariance = back @ (spread + single) @ np.swapaxes(back, 1, 2)
@@ -575,7 +576,8 @@ def judge_ends(fitted: GroupFit, stretch: float, effects: Sequence[str] = ()) ->
     def judge(part: np.ndarray, at: Evidence) -> tuple[list[float], tuple[np.ndarray, ...]]:
         rest = np.setdiff1d(np.flatnonzero(seen.any(axis=1)), part)
         u = MeasuredRange.of_rows(robot, problem.q[rest]).extrapolation(problem.q[part])
-        error, predicted = _judge(fitted, part, at.mean, at.spread(fitted.end.A[part]))
+        # draws of its own, whichever end is judged first
+        error, predicted = _judge(fitted, part, at, np.random.default_rng(part))
         row, target = np.nonzero(seen[part])
         noise = problem.noise[part][row, target][:, :3, :3]
         v, square = _diagonal(error[row, target], noise, stretch * (predicted[row, target] - noise))
