@@ -226,7 +226,8 @@ def prove_lines(
     """Lines that stand beside all other effects, and the fit of the whole model with these.
 
     What geometry leaves is not white: lines are found in it that the other effects tell as well. Those of a joint stay where the
-    model with them, fitted from the start, is likelier than without.
+    model with them is likelier than without. Its sizes go on from those without: fits from the start end where these do, and take
+    twice as long.
 
     Args:
         base: a calibration of the geometry.
@@ -240,11 +241,9 @@ def prove_lines(
     def with_lines(some: list[tuple[str, float]]) -> Sharpened:
         if not some:
             return without
-        return replace(
-            without,
-            lines=some,
-            fitted=_fit(base, campaign, (*without.others, *as_effects(some)), options, None, like=like),
-        )
+        effects, before = (*without.others, *as_effects(some)), without.fitted
+        fitted = _fit(base, campaign, effects, options, before, SHARPENING_ROUNDS, like=like)
+        return replace(without, lines=some, fitted=fitted)
 
     best = with_lines(lines)
     for joint in dict.fromkeys(joint for joint, _ in reversed(lines)):
