@@ -9,7 +9,7 @@ import pytest
 
 from taskcal.analysis.identifiability import published_kept
 from taskcal.errors import FileError, FitError, TaskcalError, UnknownName
-from taskcal.identification import identify as identifying
+from taskcal.identification import fit as fitting
 from taskcal.identification.identify import identify
 from taskcal.io.json_file import sealed, without_seal
 from taskcal.planning import study as studying
@@ -135,7 +135,7 @@ def test_a_study_fits_without_judging_growth_and_predicts_as_identify_does(model
 
     with monkeypatch.context() as patch:
         patch.setattr(studying, "attempt", kept)
-        patch.setattr(identifying, "growth_of", None)  # called by none
+        patch.setattr(fitting, "growth_of", None)  # called by none
         assert study(model, task, robots=1, engine="sequential", **CASES).rows == rows[: len(rows) // 4]
     campaign, options, fitted = made[0]
     whole = identify(model, campaign, options=options)

@@ -12,14 +12,9 @@ from jaxtyping import Bool, Float
 from taskcal.estimation.least_squares import Stopping
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, fitted_alone
-from taskcal.identification.identify import (
-    GROSS_SIGMAS,
-    attempt,
-    conclude,
-    target_errors,
-    with_unlocated,
-)
+from taskcal.identification.fit import fitted_alone
+from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed
+from taskcal.identification.identify import GROSS_SIGMAS, attempt, target_errors
 from taskcal.identification.layout import prior_of
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Equations, problem_of, whitener
@@ -135,12 +130,10 @@ def _fit_all(
 
     problem = problem_of(first.layout, sample, options.noise)
     prior = prior_of(first.layout, options.prior, options.target_within)
-    fitted = fit_weighed(problem, prior, hyper, first.z, Stopping(), equations=equations)
-    outcome = fitted_alone(fitted, problem, first.layout)
-    calibration = with_unlocated(conclude(fitted, outcome, sample, options), outcome.unlocated)
+    by = fit_weighed(problem, prior, hyper, first.z, Stopping(), equations=equations)
     provenance = replace(first.provenance, campaign=campaign.path.name, rows=campaign.rows, notes=campaign.sample.notes)
     return replace(
-        calibration,
+        fitted_alone(by, problem, sample, options).calibration,
         left_out=first.left_out,
         range_growth=first.range_growth,
         rounds=first.rounds,

@@ -20,6 +20,7 @@ from taskcal.errors import ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.checks.checks import with_checks
+from taskcal.identification.fit import Fit
 from taskcal.identification.group_search import (
     LEAVING_OUT,
     SHARPENING,
@@ -38,7 +39,7 @@ from taskcal.identification.holdout import (
     predict_left_out,
     split_postures,
 )
-from taskcal.identification.identify import Attempt, attempt, hold_scale
+from taskcal.identification.identify import attempt, checked_by_tolerances, hold_scale
 from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.identification.problem import problem_of
 from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
@@ -306,7 +307,7 @@ def select_effects(
         options = replace(options, like=None) if has_own_sizes(like) else options
     progress(GEOMETRY)
     alone = attempt(model, campaign, options)
-    best = alone.checked().calibration
+    best = checked_by_tolerances(alone).calibration
     left_out, nothing_learnt = best.left_out, best.remarks[-1:] if alone.refusal is not None else ()
     # rows that are wrong for the geometry are wrong for all that is tried beside it, and so is what its checks say: effects
     # explain away what is wrong with robot or joints
@@ -363,7 +364,7 @@ class _Trial:
     """Rows of each fold."""
     progress: Callable[[str], None]
 
-    def fit(self, model: ErrorModel, options: FitOptions) -> Attempt:
+    def fit(self, model: ErrorModel, options: FitOptions) -> Fit:
         """The fit of all rows."""
         return attempt(model, self.campaign, options)
 
@@ -384,7 +385,7 @@ class _Selection:
     model: ErrorModel
     options: FitOptions
     calibration: Calibration
-    fitted: Attempt | None
+    fitted: Fit | None
     """By which its growth beyond the measured range is judged in the end; None of the one model, of which it is already."""
     errors: Float[np.ndarray, "rows targets"]
     """Where a row was not fitted, metres."""

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
-from taskcal.identification.calibration import Calibration, Provenance, spread_of
+from taskcal.identification.calibration import Calibration
+from taskcal.identification.fit import Fit, effects_remarks
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,
@@ -20,14 +21,12 @@ from taskcal.identification.group_model import (
     of_targets,
     region_factor,
 )
-from taskcal.identification.held_out import studentise
 from taskcal.identification.holdout import LeftOutErrors, validate_groups
 from taskcal.identification.layout import errors_by_unlocated, layout_of, unlocated_directions
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
 from taskcal.identification.sibling import (
     Help,
-    described_with,
     evidence_under,
     expecting,
     expecting_errors,
@@ -46,7 +45,7 @@ DRAWS = 12
 (docs/theory/group-model.md)."""
 
 
-def calibrate(
+def posterior_of(
     fitted: GroupFit,
     campaign: Campaign,
     options: FitOptions,
@@ -54,11 +53,11 @@ def calibrate(
     growth: float,
     rng: np.random.Generator,
     help: Help | None = None,
-) -> Calibration:
-    """The calibration of a fit.
+) -> Fit:
+    """What the one model says of all parameters.
 
     Args:
-        fitted: the fit.
+        fitted: the model.
         campaign: what was fitted.
         options: how.
         stretch: factor of all covariances but the instrument's.
@@ -83,42 +82,37 @@ def calibrate(
     single, tracker = of_targets(R, targets), one.problem.noise
     # stretched beside the tracker's noise; where there is more than was predicted, all of it, so that none is negative
     known = max(1.0 - stretch, 0.0) * tracker
-    noise, own = known + stretch * single, known + stretch * (single - of_targets(followed, targets))
-    studentised, outliers = studentise(residual, own, noise, campaign, options.outlier_level)
-    T_tracker_base, T_tool_target = layout.frames(z)
     white = [errors.position] if errors.rotation is None else [errors.position, errors.rotation]
-    estimated = np.flatnonzero(one.estimated[: len(model)])
     scales = [v for label, v in zip(one.labels, fitted.found.log_variances, strict=True) if label.effect == GEOMETRY]
-    return Calibration(
-        model=model,
-        layout=replace(layout, estimated=np.arange(len(model))),
-        estimated=estimated,
+    fit = Fit(
+        campaign=campaign,
+        measured=campaign,
+        problem=one.problem,
+        options=options,
+        asked=options,
+        estimated=np.flatnonzero(one.estimated[: len(model)]),
         z=z,
-        z_spread=spread_of(0.5 * stretch * (S + S.T) + held @ held.T),
-        T_tracker_base=T_tracker_base,
-        T_tool_target=T_tool_target,
-        residuals=residual,
-        studentised=studentised,
-        outliers=outliers,
-        left_out=(),
-        ids=campaign.ids,
-        q=campaign.q,
+        covariance=0.5 * stretch * (S + S.T) + held @ held.T,
+        unlocated=np.zeros((len(z), 0)),
+        residual=residual,
+        residual_covariance=known + stretch * (single - of_targets(followed, targets)),
+        row_covariance=known + stretch * single,
         model_error=tuple(float(d) for d in np.sqrt(stretch * np.array(white))),
         joint_error=tuple(float(d) for d in np.sqrt(stretch * errors.joints)),
-        range_growth=growth,
+        growth=growth,
         prior_scale=float(np.exp(0.5 * np.mean(scales))) if scales else 1.0,
         group_deviations=_group_deviations(fitted),
         effective_parameters=fitted.found.effective_parameters,
-        parameter_groups=len(fitted.group_model.labels),
+        parameter_groups=len(one.labels),
         log_evidence=fitted.end.log_evidence,
         iterations=fitted.rounds,
         rounds=fitted.rounds,
         reason="geometry, effects and their sizes stand still"
         if fitted.settled
         else "geometry, effects and their sizes hardly move",
-        remarks=(*_remarks(fitted, z, S), *remark_on(help)),
-        provenance=Provenance.of(model, campaign, described_with(help, options.described(model, campaign))),
+        help=help,
     )
+    return replace(fit, remarks=(*effects_remarks(fit), *remark_on(help)))
 
 
 def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:
@@ -142,18 +136,6 @@ def _considered(fitted: GroupFit, S: Float[np.ndarray, "z z"]) -> Float[np.ndarr
     C[:, left] += G * variance
     C[left] += (G * variance).T
     return C + (G * variance) @ G.T
-
-
-def _remarks(fitted: GroupFit, z: Float[np.ndarray, " z"], S: Float[np.ndarray, "z z"]) -> tuple[str, ...]:
-    """List the unusual estimates of the effects."""
-    model = fitted.group_model.problem.layout.model
-    deviation = np.sqrt(np.maximum(np.diag(S), 0.0))
-    estimates = {
-        name: (float(z[i]), float(deviation[i]))
-        for i, name in enumerate(model.names)
-        if fitted.group_model.estimated[i]
-    }
-    return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
 
 
 # Orders of gears and motors that the rows prove: found in a spectrum over each joint's angle, at any frequency.
@@ -490,8 +472,8 @@ def find_group_model(
     names = [effect.name for effect in (*base.model.effects, *effects)]
     errors = validate_groups(fitted, parts, names, np.random.default_rng(seed))
     stretch = errors.stretch * region_factor(fitted.end.freedom)
-    calibration = calibrate(fitted, campaign, options, stretch, errors.growth, np.random.default_rng(seed), help)
-    return GroupModelFound(fitted=fitted, calibration=calibration, errors=errors, effects=effects)
+    fit = posterior_of(fitted, campaign, options, stretch, errors.growth, np.random.default_rng(seed), help)
+    return GroupModelFound(fitted=fitted, calibration=fit.calibration, errors=errors, effects=effects)
 
 
 def _fit(

@@ -38,7 +38,7 @@ from taskcal.observations.base import TrackerNoise
 GROUPS = 20
 """Into which the rows are divided, unless a small share or many folds need more."""
 
-Fit = Callable[[Campaign], Calibration]
+FitRows = Callable[[Campaign], Calibration]
 Judged = TypeVar("Judged")
 
 
@@ -95,7 +95,7 @@ def folds_of(holdout: Holdout, campaign: Campaign) -> list[Int[np.ndarray, " _"]
 
 
 def hold_out(
-    fit: Fit, campaign: Campaign, holdout: Holdout, nominal: Fit, *, noise: TrackerNoise | None = None
+    fit: FitRows, campaign: Campaign, holdout: Holdout, nominal: FitRows, *, noise: TrackerNoise | None = None
 ) -> Calibration:
     """Fit a campaign, and keep with the calibration how well rows were predicted that a fit had not seen.
 
@@ -128,7 +128,7 @@ def with_held_out(
     calibration: Calibration,
     campaign: Campaign,
     out: Int[np.ndarray, " k"],
-    nominal: Fit,
+    nominal: FitRows,
     *,
     noise: TrackerNoise | None = None,
     by: Grouping | None = None,
@@ -157,7 +157,7 @@ def _with_errors(
     campaign: Campaign,
     parts: Sequence[Int[np.ndarray, " _"]],
     fits: Sequence[Calibration],
-    nominal: Fit,
+    nominal: FitRows,
     noise: TrackerNoise | None,
     *,
     by: Grouping | Literal["chosen"],
@@ -202,7 +202,7 @@ def _without(campaign: Campaign, out: Int[np.ndarray, " k"]) -> Campaign:
 
 
 def _predict(
-    fitted: Calibration, campaign: Campaign, out: Int[np.ndarray, " k"], nominal: Fit
+    fitted: Calibration, campaign: Campaign, out: Int[np.ndarray, " k"], nominal: FitRows
 ) -> tuple[Float[np.ndarray, "k targets b"], Float[np.ndarray, "k targets b"]]:
     """Residuals of held-out rows, in the axes of the robot's base, and those that the nominal robot leaves.
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from taskcal.errors import FitError
 from taskcal.estimation.group_variances import STATED_VARIANCE, variance_posterior
 from taskcal.estimation.least_squares import Ended, Solution, Stopping, fit
-from taskcal.estimation.matrices import factor_positive, invert_positive, pseudo_invert_scaled
+from taskcal.estimation.matrices import invert_positive, pseudo_invert_scaled
 from taskcal.estimation.noisy_rows import MIN_VARIANCE, TYPICAL, WIDTH, PoseNoise
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.group_model import (
@@ -22,7 +22,7 @@ from taskcal.identification.group_model import (
     geometry_alone,
     region_factor,
 )
-from taskcal.identification.layout import Layout, PriorOfEstimate, errors_by_unlocated
+from taskcal.identification.layout import PriorOfEstimate
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, whitener
 from taskcal.identification.sibling import Help, evidence_under, expecting, expecting_errors
@@ -105,8 +105,8 @@ prior holds them: without a tracker, and with fewer measured numbers than unknow
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fitted:
-    """A fit with its hyperparameters."""
+class Weighed:
+    """A solution under given hyperparameters."""
 
     problem: Problem
     prior: PriorOfEstimate
@@ -177,7 +177,7 @@ def fit_weighed(
     stopping: Stopping,
     known: Solution | None = None,
     equations: WhitenedEquations | None = None,
-) -> Fitted:
+) -> Weighed:
     """Fit a campaign under given hyperparameters.
 
     Args:
@@ -208,7 +208,7 @@ def fit_weighed(
             f"the fit did not converge: {solution.reason} ({solution.iterations} iterations, objective {solution.objective:.6g}); "
             f"check the campaign (taskcal doctor), or {remedy}"
         )
-    return Fitted(problem=problem, prior=prior, hyper=hyper, solution=solution, covariance=covariance, white=white)
+    return Weighed(problem=problem, prior=prior, hyper=hyper, solution=solution, covariance=covariance, white=white)
 
 
 def _invert(A: Float[np.ndarray, "z z"]) -> Float[np.ndarray, "z z"]:
@@ -244,7 +244,7 @@ SIGNIFICANT = 2.0
 root of twice the gain of log evidence that it needs, which comes to the same where rows are many."""
 
 
-def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> Fitted:
+def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: FitOptions) -> Weighed:
     """Fit a campaign under the model error and the prior scale that it shows; the scale is the expected one.
 
     Raises:
@@ -384,142 +384,3 @@ def first_errors(problem: Problem, options: FitOptions) -> PoseNoise:
         searched=found,
         width=np.inf,
     )
-
-
-# What a fit of some parameters says of all of them.
-#
-# A parameter that is not estimated still varies in the true robot. It is *considered* (Schmidt 1966; Tapley, Schutz
-# and Born 2004, section 6.3): it stays at its nominal value, while its prior stays in the covariance of the
-# estimate and of every prediction, the consider covariance.
-#
-# The estimator x̂_K = F·J_Kᵀ·W·y, F = (J_Kᵀ·W·J_K + P_K)⁻¹, may weigh the measurements otherwise than their true
-# covariance R says: a reduced model takes what it leaves out for noise. With Σ the prior's covariance and D the
-# parameters left out, the error θ − θ̂ of all parameters and frames has the covariance
-#
-#     C = A·Σ_K·Aᵀ + G·Σ_D·Gᵀ + F·B·F,   A = F·P_K,   G = (−F·J_KᵀWJ_D; 1),   B = J_KᵀW·R·W·J_K
-#
-# of which F·B·F, what the measurements' errors make of the estimate, counts for as much more as R is uncertain (`region_factor`),
-# and Σ for as much more as its scale is (`VariancePosterior`). The residual y − J·θ̂ of one block has the covariance
-# R − S·W·R − R·W·S + J·C·Jᵀ, S = J_K·F·J_Kᵀ. R, Σ and the rest of the
-# hyperparameters are those of the largest marginal likelihood of the whole model.
-#
-# Places of targets that the poses do not locate are considered, too: held at the TCP along directions u, they add u − F·J_KᵀWJ_K·u.
-
-ROUNDING = 1e-9
-"""Eigenvalues under zero that sums over all rows leave on unit diagonal, at most."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Posterior:
-    """What a fit says of all parameters, tracker frame and targets."""
-
-    layout: Layout
-    """Of all parameters."""
-    estimated: Int[np.ndarray, " kept"]
-    """Model parameters that were estimated."""
-    z: Float[np.ndarray, " z"]
-    """Zero where not estimated."""
-    covariance: Float[np.ndarray, "z z"]
-    """Of the error of z, what was not estimated included."""
-    residual_covariance: Float[np.ndarray, "n targets b b"]
-    """Of every block's residual."""
-    hyper: Hyperparameters
-    """Of the whole model."""
-    unlocated: Float[np.ndarray, "z k"]
-    """Errors of z, beside that covariance, by targets that the poses do not locate, of one standard deviation each."""
-    help: Help | None = None
-    """What came of a sibling, if there is one."""
-
-
-def fitted_alone(fit: Fitted, problem: Problem, whole: Layout) -> Posterior:
-    """The outcome of a fit of all parameters, or of some where the others are taken for zero."""
-    F, hyper = fit.posterior, fit.hyper
-    from_errors = F @ _factor(fit.solution.information)  # a square, so that rounding leaves no variance under zero
-    C = F + (hyper.widening - 1.0) * from_errors @ from_errors.T
-    if fit.prior.parameters is not None:
-        k = len(fit.prior.sizes)
-        from_prior = F[:, :k] @ _factor(fit.prior.precision(hyper.prior_factor)[:k, :k])
-        C += (hyper.prior_widening - 1.0) * from_prior @ from_prior.T
-    return Posterior(
-        layout=whole,
-        estimated=problem.layout.estimated,
-        z=spread_out(fit.solution.z, problem.layout, whole),
-        covariance=spread_out(C, problem.layout, whole),
-        residual_covariance=fit.covariance - fit.prediction_covariance,
-        hyper=fit.hyper,
-        unlocated=_by_unlocated(fit, problem.layout, whole),
-        help=fit.help,
-    )
-
-
-def consider(
-    fit: Fitted, problem: Problem, whole: Problem, prior: PriorOfEstimate, hyper: Hyperparameters
-) -> Posterior:
-    """The outcome of a fit of some parameters, the others considered.
-
-    Args:
-        fit: the fit.
-        problem: its problem, in the layout of the parameters that it estimates.
-        whole: the same campaign in the layout of all parameters.
-        prior: of all of them.
-        hyper: hyperparameters of the whole model.
-    """
-    k = _entries(problem.layout, whole.layout)
-    z = spread_out(fit.solution.z, problem.layout, whole.layout)
-    d = np.setdiff1d(np.arange(len(z)), k)
-    R = whole.covariance(hyper.variances)
-    W = np.linalg.inv(fit.covariance)
-    H = whole.information(z, _root(W))
-    B = whole.information(z, _root(W @ R @ W))
-    Sigma = hyper.prior_widening * prior.covariance(hyper.prior_factor)
-    F = fit.posterior
-    A = F @ fit.prior.precision(fit.hyper.prior_factor)
-    G = np.zeros((len(z), len(d)))
-    G[k], G[d] = -F @ H[np.ix_(k, d)], np.eye(len(d))
-    # each part as a square, so that rounding leaves no variance under zero
-    spread = np.zeros((len(z), 2 * len(k)))
-    spread[k, : len(k)] = A @ _factor(Sigma[np.ix_(k, k)])
-    spread[k, len(k) :] = np.sqrt(hyper.widening) * F @ _factor(B[np.ix_(k, k)])
-    spread = np.concatenate([spread, G @ _factor(Sigma[np.ix_(d, d)])], axis=1)
-    C = spread @ spread.T
-    followed = fit.prediction_covariance @ W @ R
-    own = R - followed - np.swapaxes(followed, -1, -2) + whole.propagate(z, C)[1]
-    return Posterior(
-        layout=whole.layout,
-        estimated=problem.layout.estimated,
-        z=z,
-        covariance=C,
-        residual_covariance=own,
-        hyper=hyper,
-        unlocated=_by_unlocated(fit, problem.layout, whole.layout),
-    )
-
-
-def _by_unlocated(fit: Fitted, some: Layout, whole: Layout) -> Float[np.ndarray, "z k"]:
-    u = fit.prior.unlocated
-    out = np.zeros((len(whole.names), u.shape[1]))
-    out[_entries(some, whole)] = errors_by_unlocated(u, fit.posterior, fit.solution.information)
-    return out
-
-
-def spread_out(values: Float[np.ndarray, "..."], some: Layout, whole: Layout) -> Float[np.ndarray, "..."]:
-    """A vector or a matrix of a layout's entries among those of all parameters, zero elsewhere."""
-    k = _entries(some, whole)
-    out = np.zeros((len(whole.names),) * values.ndim)
-    out[np.ix_(*[k] * values.ndim)] = values
-    return out
-
-
-def _entries(some: Layout, whole: Layout) -> Int[np.ndarray, " k"]:
-    """Positions of a layout's entries in that of all parameters."""
-    return np.concatenate([some.estimated, np.arange(len(whole.estimated), len(whole.names))])
-
-
-def _factor(C: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
-    return factor_positive(C, ROUNDING)
-
-
-def _root(weights: Float[np.ndarray, "n targets b b"]) -> Float[np.ndarray, "n targets b b"]:
-    """Lower triangular L with Lᵀ·L = weights."""
-    upper = np.linalg.cholesky(weights[..., ::-1, ::-1])[..., ::-1, ::-1]
-    return np.ascontiguousarray(np.swapaxes(upper, -1, -2))

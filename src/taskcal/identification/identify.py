@@ -1,7 +1,7 @@
 """The fit: a campaign and a model in, a Calibration out."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,25 +12,17 @@ from taskcal.errors import CampaignError, FitError, NothingLearntError, OpenFram
 from taskcal.estimation.matrices import invert_positive, single_threaded
 from taskcal.estimation.noisy_rows import FREEDOM, MIN_VARIANCE, TYPICAL
 from taskcal.estimation.trimmed_squares import Sizes, TrimmedRows, find_agreeing, scaled_lengths, student_limits
-from taskcal.identification.calibration import Calibration, Provenance, covariance_on, spread_of, tells_nothing
+from taskcal.identification.calibration import Calibration, covariance_on, tells_nothing
 from taskcal.identification.checks.checks import DOCTOR, error_by_tolerances, with_checks
+from taskcal.identification.fit import Fit, consider, effects_remarks, fitted_alone
 from taskcal.identification.group_model import geometry_alone
-from taskcal.identification.held_out import LeftOut, studentise
-from taskcal.identification.holdout import growth_of
-from taskcal.identification.hyperparameters import (
-    MAX_ROUNDS,
-    Fitted,
-    Posterior,
-    consider,
-    first_errors,
-    fit_with_hyperparameters,
-    fitted_alone,
-)
+from taskcal.identification.held_out import LeftOut
+from taskcal.identification.hyperparameters import MAX_ROUNDS, Weighed, first_errors, fit_with_hyperparameters
 from taskcal.identification.layout import PriorOfEstimate, layout_of, prior_of
 from taskcal.identification.measured_range import MeasuredRange
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of
-from taskcal.identification.sibling import check_sibling, described_with, remark_on
+from taskcal.identification.sibling import check_sibling, remark_on
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.plausibility import check_plausible, check_targets, most_wrong_rows
 from taskcal.registration.registration import (
@@ -73,22 +65,6 @@ MAX_REJECTION_ROUNDS = 6
 
 MAX_NAMED_ROWS = 6
 """Rows that a message names."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FittedRows:
-    """What a fit of all rows of a campaign gives."""
-
-    calibration: Calibration
-    unlocated: Float[np.ndarray, "z k"]
-    """Errors of z by targets that the poses do not locate, left out of the calibration while it judges rows: one that alone is
-    turned away from all others would be right for some place of the target, however wrong its joints are."""
-    unlearnt: float | None = None
-    """Model error, metres per axis, of a fit that learnt nothing and called all that was measured error; None of others."""
-
-
-Fit = Callable[[Campaign], FittedRows]
-"""Of all rows of a campaign that were seen."""
 
 
 def _find_right_rows(
@@ -155,16 +131,16 @@ def _limits(campaign: Campaign) -> Float[np.ndarray, " targets"]:
 
 
 def _fit_right_rows(
-    fit: Fit,
+    fit_rows: Callable[[Campaign], Fit],
     campaign: Campaign,
     right: Bool[np.ndarray, " n"],
     far: Bool[np.ndarray, " n"],
     noise: TrackerNoise | None,
-) -> FittedRows:
+) -> Fit:
     """Fit the rows that can be right, and say which were left out.
 
     Args:
-        fit: identifies from all rows of a campaign that were seen.
+        fit_rows: fits all rows of a campaign that were seen.
         campaign: the measurements.
         right: rows that agree; the fit of these takes back those that it finds right.
         far: rows that alone are left out where more than a tenth would be: so many may also be of a robot that the model does not
@@ -175,36 +151,36 @@ def _fit_right_rows(
         CampaignError: more rows are wrong than can be told from right ones.
     """
     try:
-        fitted = fit(campaign.without(~right))
+        fit = fit_rows(campaign.without(~right))
     except CampaignError:  # without them something is not determined
         if (right | far).all():
             raise
         right = np.asarray(right | ~far)
-        fitted = fit(campaign.without(~right))
+        fit = fit_rows(campaign.without(~right))
     if right.all():
-        return fitted
+        return fit
     seen = campaign.seen
     for _ in range(MAX_REJECTION_ROUNDS):
         rest = np.flatnonzero(seen & ~right)
         if not len(rest):
             break
-        _, length = _of_rest(fitted.calibration, campaign, rest, noise)
-        others = MeasuredRange.of_rows(fitted.calibration.model.robot, campaign.q[seen & right])
+        _, length = _of_rest(fit.located, campaign, rest, noise)
+        others = MeasuredRange.of_rows(fit.problem.layout.model.robot, campaign.q[seen & right])
         beyond = np.sqrt(others.extrapolation(campaign.q[rest])) > EXTRAPOLATED_RANGES
         back = rest[(length <= np.where(beyond[:, None], EXTRAPOLATED_SIGMAS, _limits(campaign))).all(axis=1)]
         if not len(back):
             break
         right = right.copy()
         right[back] = True
-        fitted = fit(campaign.without(~right))
+        fit = fit_rows(campaign.without(~right))
     rest = np.flatnonzero(seen & ~right)
     if len(rest) > most_wrong_rows(int(seen.sum())):
         rest = np.flatnonzero(seen & ~right & far)
         _check_few(rest, campaign)
-        fitted = fit(campaign.without(~right & far))
+        fit = fit_rows(campaign.without(~right & far))
     if not len(rest):
-        return fitted
-    distance, length = (of.max(axis=1) for of in _of_rest(fitted.calibration, campaign, rest, noise))
+        return fit
+    distance, length = (of.max(axis=1) for of in _of_rest(fit.located, campaign, rest, noise))
     left_out = tuple(
         LeftOut(
             row=campaign.row_of(int(i)),
@@ -215,11 +191,10 @@ def _fit_right_rows(
         )
         for i, off, sigmas in zip(rest, distance, length, strict=True)
     )
-    turned = fit_rotations(fitted.calibration.model, campaign)
+    turned = fit_rotations(fit.problem.layout.model, campaign)
     degrees = np.degrees(np.where(turned.wrong, turned.off, 0.0) if turned else np.zeros(len(campaign)))[rest]
     said = _said(left_out, degrees, [campaign.row(int(i)) for i in rest], int(seen.sum()))
-    calibration = fitted.calibration
-    return replace(fitted, calibration=replace(calibration, left_out=left_out, remarks=(said, *calibration.remarks)))
+    return replace(fit, measured=campaign, left_out=left_out, remarks=(said, *fit.remarks))
 
 
 def _check_few(rows: Int[np.ndarray, " k"], campaign: Campaign) -> None:
@@ -309,51 +284,15 @@ CONTRADICTING = 3.0
 the robot's: 3σ, as for a single gross error."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Attempt:
-    """A calibration, or that of tracker frame and targets alone where the robot's parameters cannot be estimated.
+def checked_by_tolerances(fit: Fit) -> Fit:
+    """The same, unless what it leaves is more than an error of the robot.
 
-    How its covariance grows beyond the measured range is not judged yet: that takes as long as the fit, and who asks for
-    predictions or sizes alone does not need it.
+    Raises:
+        FitError: no parameter was estimated, and the rows are farther off than the robot's tolerances allow.
     """
-
-    calibration: Calibration
-    """Of no growth."""
-    campaign: Campaign
-    """The measurements, rows that were left out among them."""
-    options: FitOptions
-    """As the fit took them."""
-    refusal: FitError | None = None
-    """Why the parameters cannot be estimated; None where they were."""
-
-    def checked(self) -> "Attempt":
-        """The same, unless what it leaves is more than an error of the robot.
-
-        Raises:
-            FitError: no parameter was estimated, and the rows are farther off than the robot's tolerances allow.
-        """
-        calibration, refusal = self.calibration, self.refusal
-        if refusal is not None and calibration.model_error[0] > CONTRADICTING * error_by_tolerances(calibration):
-            raise refusal
-        return self
-
-    def learnt(self) -> "Attempt":
-        """The same, for what needs the parameters: tracker frame and targets alone do not serve.
-
-        Raises:
-            FitError: they cannot be estimated; as `NothingLearntError`, no parameter explains the rows.
-        """
-        if self.refusal is not None:
-            raise self.refusal
-        return self
-
-    @single_threaded
-    def with_growth(self) -> Calibration:
-        """The calibration with the growth of its covariance beyond the measured range, judged on the rows that it took."""
-        calibration, campaign = self.calibration, self.campaign
-        right = campaign.without(np.isin(campaign.ids, [row.id for row in calibration.left_out]))
-        growth = growth_of(calibration, problem_of(calibration.layout, right, self.options.noise), self.options)
-        return replace(calibration, range_growth=growth)
+    if fit.refusal is not None and fit.model_error[0] > CONTRADICTING * error_by_tolerances(fit.calibration):
+        raise fit.refusal
+    return fit
 
 
 @by_name(FitOptions)
@@ -396,11 +335,12 @@ def identify(
         ValueError: an option that would silently mean something else.
     """
     chosen = chosen_options(_kind, options, *_args, **_named)
-    return with_checks(attempt(model, campaign, chosen).checked().with_growth(), campaign, chosen)
+    fit = checked_by_tolerances(attempt(model, campaign, chosen))
+    return with_checks(fit.with_growth(), campaign, chosen)
 
 
 @single_threaded
-def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attempt:
+def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Fit:
     """Identify a model as `identify` does; where its parameters cannot be estimated, find tracker frame and targets alone.
 
     Args:
@@ -426,11 +366,10 @@ def attempt(model: ErrorModel, campaign: Campaign, options: FitOptions) -> Attem
             raise refusal from None
         what = str(refusal).partition(". ")[0] if isinstance(refusal, NothingLearntError) else str(refusal)
         remark = Said("{what}. Only tracker frame and targets were fitted: the robot stays nominal", what=what)
-        calibration = replace(frames.calibration, remarks=(*frames.calibration.remarks, remark))
-        return replace(frames, calibration=calibration, refusal=refusal)
+        return replace(frames, refusal=refusal, remarks=(*frames.remarks, remark))
 
 
-def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Attempt:
+def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Fit:
     """Identify a model.
 
     Raises:
@@ -450,19 +389,16 @@ def _identify(model: ErrorModel, campaign: Campaign, chosen: FitOptions) -> Atte
         campaign.check_told(effect.needs, effect.key)
     poses = nominal_poses(model, campaign)
 
-    def fit_rows(part: Campaign) -> FittedRows:
+    def fit_rows(part: Campaign) -> Fit:
         return _fit(model, part, poses, kept, chosen)
 
-    fitted = (
+    fit = (
         fit_rows(campaign)
         if chosen.gross_errors == "keep"
         else _fit_right_rows(fit_rows, campaign, *_find_right_rows(model, campaign, poses, chosen), chosen.noise)
     )
-    _check_worth(fitted)
-    calibration = with_unlocated(fitted.calibration, fitted.unlocated)
-    like = {name: value for name, value in calibration.provenance.options.items() if name == "like"}
-    provenance = Provenance.of(model, campaign, chosen.described(model, campaign) | like)
-    return Attempt(calibration=replace(calibration, provenance=provenance), campaign=campaign, options=chosen)
+    _check_worth(fit)
+    return fit
 
 
 def _fit(
@@ -471,7 +407,7 @@ def _fit(
     poses: Float[np.ndarray, "n 4 4"],
     kept: Int[np.ndarray, " kept"],
     chosen: FitOptions,
-) -> FittedRows:
+) -> Fit:
     """Fit all rows of a campaign."""
     registration = chosen.registration or _checked(
         register(model, campaign, poses), model, campaign, chosen.target_within
@@ -482,12 +418,12 @@ def _fit(
     alone = len(kept) == len(model) or chosen.prior != "tolerances"
     # what a sibling left as error beside all parameters is not what some of them leave
     own = chosen if alone else replace(chosen, like=None)
-    fit = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior, chosen.target_within), own)
-    if alone and len(kept) == len(model) and _hides_error(fit, chosen):
-        typical = replace(fit.hyper, variances=np.full(len(fit.hyper.variances), TYPICAL**2))
-        outcome = replace(consider(fit, problem, whole, fit.prior, typical), help=fit.help)
+    by = fit_with_hyperparameters(problem, prior_of(problem.layout, chosen.prior, chosen.target_within), own)
+    if alone and len(kept) == len(model) and _hides_error(by, chosen):
+        typical = replace(by.hyper, variances=np.full(len(by.hyper.variances), TYPICAL**2))
+        fit = replace(consider(by, whole, by.prior, typical, campaign, chosen), typical=True, help=by.help)
     elif alone:
-        outcome = fitted_alone(fit, problem, whole.layout)
+        fit = fitted_alone(by, whole, campaign, chosen)
     else:
         prior = prior_of(whole.layout, chosen.prior, chosen.target_within)
         try:
@@ -495,18 +431,10 @@ def _fit(
         except FitError:
             if len(kept):
                 raise
-            all_fitted = fit  # of tracker frame and targets alone, whose errors of single poses are the larger
-        outcome = replace(consider(fit, problem, whole, prior, all_fitted.hyper), help=all_fitted.help)
-    _check_rotation(fit, outcome, campaign, chosen)
-    calibration = conclude(fit, outcome, campaign, chosen)
-    return FittedRows(calibration=calibration, unlocated=outcome.unlocated, unlearnt=_unlearnt(fit, chosen))
-
-
-def with_unlocated(calibration: Calibration, unlocated: Float[np.ndarray, "z k"]) -> Calibration:
-    """A calibration with the errors of its targets where the poses do not locate them."""
-    if not unlocated.shape[1]:
-        return calibration
-    return replace(calibration, z_spread=spread_of(calibration.z_covariance + unlocated @ unlocated.T))
+            all_fitted = by  # of tracker frame and targets alone, whose errors of single poses are the larger
+        fit = replace(consider(by, whole, prior, all_fitted.hyper, campaign, chosen), help=all_fitted.help)
+    _check_rotation(by, fit)
+    return replace(fit, remarks=_remarks(by, fit))
 
 
 def _checked(registration: Registration, model: ErrorModel, campaign: Campaign, target_within: float) -> Registration:
@@ -527,32 +455,31 @@ FEW_NUMBERS = 2.0 / 3.0
 to 10 rows (24 to 30 numbers, 51 unknowns) had 67 to 85 % of the errors inside of the 95 % regions without it, 12 rows all."""
 
 
-def _hides_error(fit: Fitted, options: FitOptions) -> bool:
+def _hides_error(fit: Weighed, options: FitOptions) -> bool:
     """Whether a fit found no model error only because its rows are so few that it explains any."""
     few = fit.problem.measured_numbers < FEW_NUMBERS * len(fit.solution.z)
     found = options.model_error == "estimate" and not fit.hyper.variances.any()
     return few and found and fit.prior.parameters is not None
 
 
-def _unlearnt(fit: Fitted, options: FitOptions) -> float | None:
-    """Model error of a fit that learnt nothing; None of one that did, or of which that is not asked.
+def _check_worth(fit: Fit) -> None:
+    """Refuse a fit from which nothing was learnt, and which called all that was measured error.
 
     Its own posterior is judged: parameters that it does not estimate, but are considered, make others uncertain that fit well.
+
+    Raises:
+        NothingLearntError: no parameter is told.
     """
-    if options.prior_scale != "estimate" or fit.prior.parameters is None:
-        return None
-    layout, scale, error = fit.problem.layout, fit.hyper.prior_scale, fit.hyper.model_error[0]
+    by = fit.by
+    if by is None or fit.options.prior_scale != "estimate" or by.prior.parameters is None:
+        return
+    layout, scale, error = by.problem.layout, by.hyper.prior_scale, by.hyper.model_error[0]
     k = len(layout.estimated)
-    likeliest = scale if fit.likeliest_factor is None else float(np.sqrt(fit.likeliest_factor))
-    own = np.sqrt(np.maximum(np.diag(fit.posterior)[:k], 0.0))
-    return error if tells_nothing(own, layout.model.tolerances[layout.estimated], scale, likeliest, error) else None
-
-
-def _check_worth(fitted: FittedRows) -> None:
-    """Refuse a fit from which nothing was learnt, and which called all that was measured error."""
-    if fitted.unlearnt is not None:
+    likeliest = scale if by.likeliest_factor is None else float(np.sqrt(by.likeliest_factor))
+    own = np.sqrt(np.maximum(np.diag(by.posterior)[:k], 0.0))
+    if tells_nothing(own, layout.model.tolerances[layout.estimated], scale, likeliest, error):
         raise NothingLearntError(
-            f"no parameter is determined by these rows: none explains them, and {fitted.unlearnt * 1e3:.2f} mm per axis were "
+            f"no parameter is determined by these rows: none explains them, and {error * 1e3:.2f} mm per axis were "
             "taken for error. Some rows contradict the others: "
             f"check joints and points ({DOCTOR}), or compare with the nominal robot alone (keep=[], --keep none)"
         )
@@ -563,7 +490,7 @@ OPEN_ROTATION = 0.3
 smaller turns only (a turn by 0.3 moves points by 4 % along, beside 30 % across)."""
 
 
-def _check_rotation(fit: Fitted, outcome: Posterior, campaign: Campaign, options: FitOptions) -> None:
+def _check_rotation(by: Weighed, fit: Fit) -> None:
     """Refuse a fit whose rows leave the rotation of the tracker frame open.
 
     It is judged by all that the tolerances allow; under another prior, which may allow anything, for the parameters as they are.
@@ -571,10 +498,10 @@ def _check_rotation(fit: Fitted, outcome: Posterior, campaign: Campaign, options
     Raises:
         OpenFrameError: they do.
     """
-    C, layout, k = outcome.covariance, outcome.layout, 0
-    if options.prior != "tolerances":
-        k = len(fit.problem.layout.estimated)
-        C = invert_positive((fit.solution.information + fit.prior.precision(fit.hyper.prior_factor))[k:, k:])
+    C, layout, campaign, k = fit.covariance, fit.problem.layout, fit.campaign, 0
+    if fit.options.prior != "tolerances":
+        k = len(by.problem.layout.estimated)
+        C = invert_positive((by.solution.information + by.prior.precision(by.hyper.prior_factor))[k:, k:])
         k = len(layout.estimated)
     for base in layout.bases:
         columns = base.columns[3:] - k
@@ -597,46 +524,10 @@ def _describe_motion(campaign: Campaign, joints: tuple[str, ...]) -> str:
     return f"{said}, and the points lie within {' × '.join(f'{size * 1e3:.0f}' for size in np.ptp(along, axis=0))} mm"
 
 
-def conclude(fit: Fitted, outcome: Posterior, campaign: Campaign, options: FitOptions) -> Calibration:
-    """Everything that is reported, from the converged fit."""
-    layout, has_prior = outcome.layout, options.prior is not None
-    T_tracker_base, T_tool_target = layout.frames(outcome.z)
-    studentised, outliers = studentise(
-        fit.residual, outcome.residual_covariance, fit.covariance, campaign, options.outlier_level
-    )
-    return Calibration(
-        model=layout.model,
-        layout=layout,
-        estimated=outcome.estimated,
-        z=outcome.z,
-        z_spread=spread_of(outcome.covariance),
-        T_tracker_base=T_tracker_base,
-        T_tool_target=T_tool_target,
-        residuals=fit.residual,
-        studentised=studentised,
-        outliers=outliers,
-        left_out=(),
-        ids=campaign.ids,
-        q=campaign.q,
-        model_error=tuple(float(np.sqrt(outcome.hyper.widening)) * error for error in outcome.hyper.model_error),
-        prior_scale=outcome.hyper.prior_scale if has_prior else None,
-        effective_parameters=fit.effective_parameters,
-        parameter_groups=1 if has_prior and options.prior_scale == "estimate" else None,
-        log_evidence=fit.log_evidence if has_prior else None,
-        iterations=fit.solution.iterations,
-        rounds=fit.rounds,
-        reason=fit.solution.reason,
-        remarks=(*_remarks(fit, outcome, campaign), *remark_on(outcome.help)),
-        provenance=Provenance.of(
-            layout.model, campaign, described_with(outcome.help, options.described(layout.model, campaign))
-        ),
-    )
-
-
-def _remarks(fit: Fitted, outcome: Posterior, campaign: Campaign) -> tuple[str, ...]:
+def _remarks(by: Weighed, fit: Fit) -> tuple[str, ...]:
     """List what is unusual about a fit, in words."""
     out: list[str] = []
-    layout, unknowns = outcome.layout, len(fit.solution.z)
+    campaign, unknowns = fit.campaign, len(by.solution.z)
     if not any(kind.tells_scale for kind in campaign.observations):
         alone = Said("its nominal lengths alone")
         if scale_is_unobservable(campaign):
@@ -660,9 +551,9 @@ def _remarks(fit: Fitted, outcome: Posterior, campaign: Campaign) -> tuple[str, 
         )
     if fit.rounds > MAX_ROUNDS:
         out.append(Said("model error and prior scale had not settled when the search for them ended"))
-    if outcome.hyper.variances[0] == 0.0 and measured < 2 * unknowns:
+    if fit.model_error[0] == 0.0 and measured < 2 * unknowns:
         out.append(Said("no model error could be told from so few rows, so the stated uncertainty leaves it out"))
-    if outcome.hyper.variances[0] > fit.hyper.variances[0] == 0.0 and len(fit.prior.sizes) == len(layout.estimated):
+    if fit.typical:
         out.append(
             Said(
                 "no model error could be told from so few rows, so the stated uncertainty takes {typical:.2g} mm per axis, as of "
@@ -670,10 +561,7 @@ def _remarks(fit: Fitted, outcome: Posterior, campaign: Campaign) -> tuple[str, 
                 typical=TYPICAL * 1e3,
             )
         )
-    errors = np.sqrt(np.diag(outcome.covariance))
-    estimates = {layout.names[i]: (float(outcome.z[i]), float(errors[i])) for i in outcome.estimated}
-    model = layout.model
-    return (*out, *(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates)))
+    return (*out, *effects_remarks(fit), *remark_on(fit.help))
 
 
 # The robot as its file describes it, with only tracker frame and targets found: what a calibration has to be better

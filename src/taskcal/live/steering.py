@@ -150,7 +150,7 @@ class Look(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fit:
+class FitSoFar:
     """All chosen rows up to one, fitted with all effects."""
 
     calibration: Calibration
@@ -243,7 +243,7 @@ class Steering:
 
     def __init__(self, aim: Aim, journal: Journal):
         self.aim, self.journal = aim, journal
-        self._fit: Fit | None = None
+        self._fit: FitSoFar | None = None
         self._beside = lru_cache(maxsize=4)(journal.beside)  # images are looked at again and again while nothing is new
         self._skipped: list[Float[np.ndarray, " joints"]] = []
 
@@ -314,7 +314,7 @@ class Steering:
     # The posterior.
 
     @single_threaded
-    def _fitted(self, rows: Int[np.ndarray, " k"]) -> Fit:
+    def _fitted(self, rows: Int[np.ndarray, " k"]) -> FitSoFar:
         aim = self.aim
         try:
             calibration = self._identified(self._read(rows))
@@ -324,7 +324,7 @@ class Steering:
         instrument, measurable = self._standing(calibration)
         options = PlanOptions(seed=aim.seed, station=aim.station, observe=instrument, calibration=calibration)
         choice = PoseChoice.among(calibration.model, aim.task, options, measurable)
-        return Fit(
+        return FitSoFar(
             calibration=calibration,
             choice=choice,
             rows=rows,

@@ -35,7 +35,7 @@ from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
 from taskcal.identification.effects import select_effects
-from taskcal.identification.identify import attempt, fit_nominal
+from taskcal.identification.identify import attempt, checked_by_tolerances, fit_nominal
 from taskcal.identification.options import FitOptions
 from taskcal.io.codec import decode, describe
 from taskcal.io.files import write_whole
@@ -280,7 +280,8 @@ def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions
         if name == "auto":
             found = select_effects(geometry, campaign, options=options).calibration
         else:
-            found = attempt(geometry if name == "geometry" else model, campaign, options).checked().calibration
+            fit = attempt(geometry if name == "geometry" else model, campaign, options)
+            found = checked_by_tolerances(fit).calibration
     except NothingLearntError:
         return None
     return found if len(found.estimated) or options.keep == () else None
