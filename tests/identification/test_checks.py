@@ -1,12 +1,17 @@
 """What the fit of the geometry is looked at for: each kind of mistake is said, and nothing of a sound robot and sound rows."""
 
+import ast
 import copy
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import taskcal
 from taskcal.errors import FitError, TaskcalError
+from taskcal.identification.checks import checks
 from taskcal.identification.effects import explain
 from taskcal.identification.identify import identify
 from taskcal.registration.registration import register
@@ -223,3 +228,71 @@ def test_an_uncertainty_far_beyond_the_residuals_is_named_with_what_it_would_be(
     assert "column u_mm states an uncertainty of 15 mm" in said
     assert "15 µm are 0.015 mm" in said
     assert "u_mm" not in remarks(4e-5)
+
+
+SAFEGUARDS = [one for one in vars(checks).values() if isinstance(one, checks.Safeguard)]
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "messages.md"
+ELSEWHERE = (
+    "campaigns/campaign",
+    "estimation/least_squares",
+    "identification/checks/course",
+    "identification/effects",
+    "identification/hyperparameters",
+    "reading/reader",
+    "registration/length_scale",
+    "registration/plausibility",
+    "registration/rotations",
+)
+"""Modules that say the others of the page's messages: what files, campaigns and registrations are refused for, and what fills a
+safeguard's words."""
+
+
+def with_gaps(text):
+    """A template with its places as the page has them."""
+    return re.sub(r"\{[^}]*\}", "…", text)
+
+
+def said_by(module):
+    """Every text of a module, with gaps for what it is filled with."""
+    for node in ast.walk(ast.parse((Path(taskcal.__file__).parent / f"{module}.py").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield with_gaps(node.value)
+
+
+def listed_under(*titles):
+    """Messages that the page has in the tables of some chapters."""
+    chapters = re.split(r"^## ", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    rows = [line for text in chapters if text.split("\n", 1)[0] in titles for line in text.splitlines()]
+    return {one for row in rows if row.startswith("| `") for one in re.findall("`([^`]+)`", row.split(" | ")[0])}
+
+
+def is_said(message, text):
+    parts = [re.escape(part.strip()) for part in message.split("…") if part.strip(" .")]
+    return re.search(".*".join(parts), text, re.DOTALL) is not None
+
+
+def test_the_page_of_messages_lists_every_safeguard_and_nothing_that_nobody_says():
+    """Refusals among the errors, all others among the remarks; what safeguards do not say, the rooms do that are named here."""
+    errors, remarks = listed_under("Errors"), listed_under("Remarks", "`robot file in doubt`")
+    for one in SAFEGUARDS:
+        if re.search("[a-z]{2}", re.sub(r"\{[^}]*\}", "", one.template)):
+            listed = errors if one.does == "refuses" else remarks
+            assert any(is_said(message, with_gaps(one.template)) for message in listed), one.template
+    said = [
+        *(with_gaps(one.template) for one in SAFEGUARDS),
+        *(text for module in ELSEWHERE for text in said_by(module)),
+    ]
+    assert [message for message in errors | remarks if not any(is_said(message, text) for text in said)] == []
+    assert len(errors) > 8
+    assert len(remarks) > 20
+
+
+@pytest.mark.parametrize("module", ["fit", "group_search", "identify", "sibling"])
+def test_no_safeguard_stands_beside_the_others(module):
+    """What refuses a fit, or remarks something of it, is made of a `Safeguard`."""
+    path = Path(taskcal.__file__).parent / "identification" / f"{module}.py"
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        assert not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)), f"{module}:{node.lineno}"
+        assert not (isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Said"), f"{module}:{node.lineno}"

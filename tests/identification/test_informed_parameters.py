@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taskcal.identification.calibration import tells_nothing
+from taskcal.identification.checks.checks import tells_nothing
 
 TOLERANCES, SCALE, ERROR = np.array([1e-3, 2e-4]), 0.7, 1e-3
 PRIOR = SCALE * TOLERANCES

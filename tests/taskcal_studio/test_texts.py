@@ -23,6 +23,7 @@ from taskcal.correction.verdict import OWN_TOOL, RULE, Decision, Subject, Why
 from taskcal.diagnosis.diagnose import MISTAKES
 from taskcal.estimation.least_squares import Ended
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.checks import checks
 from taskcal.identification.holdout import hold_out
 from taskcal.identification.identify import identify
 from taskcal.identification.options import Holdout
@@ -75,7 +76,7 @@ OF_SHOWN = tuple(
     f"{Path(taskcal.__file__).parent}/{name}.py"
     for name in (
         *(f"correction/{part}" for part in ("cell", "controller", "correct", "frames", "verdict")),
-        *("identification/checks/checks", "identification/identify", "identification/measured_range"),
+        *("identification/checks/checks", "identification/measured_range"),
         *(f"observations/{part}" for part in ("distance", "instrument", "landmark", "pixels", "point", "socket")),
         "report/sensitivity",
     )
@@ -98,6 +99,7 @@ OF_VERDICTS = {*Why.__args__, *Subject.__args__, *Decision.__args__, *REMEDIES, 
 
 
 OF_FITS = {
+    *(one.template for one in vars(checks).values() if isinstance(one, checks.Safeguard) and one.does != "refuses"),
     *(ended.value for ended in Ended),
     *Method.__args__,
     *("max", "mean", "rms", "p95", "base", "tool", "pinhole", "fisheye"),
@@ -179,7 +181,8 @@ def test_every_sentence_of_the_library_is_in_every_language() -> None:
     paths = (*SAYING, Path(measure.__file__), *map(Path, SHOWN + OF_SHOWN))
     said = [one for path in paths for one in said_in(path)]
     templates = {one.value for one in said if isinstance(one, ast.Constant)} | OF_OPTIONS | OF_VERDICTS | OF_FITS
-    assert len([one for one in said if not isinstance(one, ast.Constant)]) == 1  # in MissedError itself
+    composed = [ast.unparse(one) for one in said if not isinstance(one, ast.Constant)]
+    assert composed == ["template", "self.template"]  # of MissedError and of Safeguard themselves
     assert {one for one in templates if has_words(one)} == {one for one in sentences() if has_words(one)}
     assert templates >= sentences().keys()
     for template, other in sentences().items():

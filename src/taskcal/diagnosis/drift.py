@@ -26,6 +26,7 @@ from taskcal.diagnosis.rows import Local, RowFault, find_row_fault, find_swapped
 from taskcal.diagnosis.search import MISTAKE_CHARGE, Candidate, held_out_error, rows_to_register, spread_rows, typical
 from taskcal.estimation.ordered_rows import MIN_GAIN, Event, OrderedRows, find_event
 from taskcal.geometry import se3
+from taskcal.identification.checks.checks import few_digits
 from taskcal.identification.checks.course import (
     MAX_COURSE_ROWS,
     describe_event,
@@ -87,8 +88,9 @@ def _find_few_digits(case: Case, fit: LinearFit) -> Local | None:
     found = find_few_digits(q, points, fit.joints @ drive_motion(case.robot), left, case.robot)
     if found is None:
         return None
+    fix = few_digits.said(found.values)
     finding = Finding(
-        id="few-digits", subject=(found.of,), error_before=left, error_after=None, confidence=0.9, fix=str(found)
+        id="few-digits", subject=(found.of,), error_before=left, error_after=None, confidence=0.9, fix=fix
     )
     return finding, case.campaign
 

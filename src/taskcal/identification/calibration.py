@@ -146,10 +146,6 @@ UNINFORMED_SHARE = 0.95
 """Standard error over the prior's standard deviation, from which on nothing was learnt. A convention: at 0.95 the data add a
 tenth of the prior's information."""
 
-WORTHLESS_SIZE = 3e-4
-"""Model error, metres per axis, from which on a robot that shows none of its tolerances is no nearly perfect one. A convention:
-a nearly perfect robot leaves less."""
-
 
 def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
     """For each kept parameter whether its standard error fell below that of the prior.
@@ -162,32 +158,6 @@ def informed_parameters(calibration: "Calibration") -> dict[str, bool | None]:
     own = calibration.group_deviations
     limit = UNINFORMED_SHARE * (scale * calibration.model.tolerances if own is None else own)
     return {calibration.names[i]: bool(calibration.standard_errors[i] < limit[i]) for i in calibration.estimated}
-
-
-def tells_nothing(
-    standard_errors: Float[np.ndarray, " k"],
-    tolerances: Float[np.ndarray, " k"],
-    scale: float,
-    likeliest_scale: float,
-    model_error: float,
-) -> bool:
-    """Whether a fit learnt nothing, and called all that was measured error.
-
-    The rows tell nothing where every parameter is as uncertain as its prior of the most probable scale, which is next to
-    zero then; of the expected one, which allows for what the rows do not exclude, they would always seem to tell a little.
-
-    Args:
-        standard_errors: of the parameters that were estimated.
-        tolerances: of these.
-        scale: of the prior's standard deviations, as expected.
-        likeliest_scale: the most probable one.
-        model_error: metres per axis.
-    """
-    if not len(standard_errors) or model_error < WORTHLESS_SIZE:
-        return False
-    told = np.maximum(standard_errors**-2 - (scale * tolerances) ** -2, 0.0)
-    unseen = 1.0 / np.sqrt(1.0 + told * (likeliest_scale * tolerances) ** 2)
-    return bool((unseen > UNINFORMED_SHARE).all())
 
 
 FILE_IN_DOUBT = "robot file in doubt: "
@@ -1296,11 +1266,7 @@ def calibration_from(data: dict[str, Any], kinds: Sequence[type[Effect]] | None 
 
 
 def _calibration(setup: Setup, content: FileSection, model: ErrorModel) -> Calibration:
-    """The calibration of a setup, by the content of a file.
-
-    Raises:
-        TaskcalError: a parameter is not one, or the parts do not belong together.
-    """
+    """The calibration of a setup, by the content of a file."""
     layout, joints = setup.layout(model), len(model.robot.joints)
     sizes = {"z": len(layout.names), "p": len(model), "joints": joints}
     sizes |= {"targets": len(layout.targets), "b": layout.block_size}
@@ -1345,11 +1311,7 @@ def expect_readable(text: str, calibration: Calibration) -> None:
 
 
 def _effect(number: int, described: Mapping[str, Any], kind: type[Effect] | None) -> Effect:
-    """An effect of a file.
-
-    Raises:
-        TaskcalError: it is not known, comes from a module that is not imported, or its options are not its own.
-    """
+    """An effect of a file."""
     try:
         if kind is None:
             return effect_from(described)

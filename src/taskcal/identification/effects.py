@@ -19,7 +19,18 @@ from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import ClosureError, FitError, TaskcalError, shortened
 from taskcal.estimation.matrices import single_threaded
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.checks.checks import with_checks
+from taskcal.identification.checks.checks import (
+    OF_GEOMETRY,
+    OF_SIBLING,
+    Asked,
+    Sibling,
+    by_tolerances,
+    frames_alone,
+    hold_scale,
+    refuse,
+    rows_left_out,
+    said_of,
+)
 from taskcal.identification.fit import Fit
 from taskcal.identification.group_search import (
     LEAVING_OUT,
@@ -39,10 +50,10 @@ from taskcal.identification.holdout import (
     predict_left_out,
     split_postures,
 )
-from taskcal.identification.identify import attempt, checked_by_tolerances, hold_scale
+from taskcal.identification.identify import attempt
 from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.identification.problem import problem_of
-from taskcal.identification.sibling import check_sibling, has_own_sizes, with_unused_sibling
+from taskcal.identification.sibling import has_own_sizes, with_unused_sibling
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
@@ -300,18 +311,18 @@ def select_effects(
             "effects are found with the robot's tolerances as prior, not with one that is given; name the effects, or leave out "
             "the prior"
         )
-    options = hold_scale(model, campaign, options)
+    options = hold_scale(Asked(model, campaign, options))
     like = options.like
     if like is not None:
-        check_sibling(model, like, effects=search.effects is None or search.field)
+        refuse(Sibling(model, like, effects=search.effects is None or search.field), OF_SIBLING)
         options = replace(options, like=None) if has_own_sizes(like) else options
     progress(GEOMETRY)
     alone = attempt(model, campaign, options)
-    best = checked_by_tolerances(alone).calibration
-    left_out, nothing_learnt = best.left_out, best.remarks[-1:] if alone.refusal is not None else ()
+    best = by_tolerances(alone).calibration
+    left_out = best.left_out
     # rows that are wrong for the geometry are wrong for all that is tried beside it, and so is what its checks say: effects
     # explain away what is wrong with robot or joints
-    said = with_checks(replace(best, remarks=best.remarks[: len(left_out[:1])]), campaign, options).remarks
+    said = said_of(alone, (*OF_GEOMETRY, rows_left_out))
     campaign = campaign.without(np.isin(campaign.ids, [row.id for row in left_out]))
     options = replace(options, gross_errors="keep")
     parts = split_postures(campaign.q, search.folds, search.seed)
@@ -328,7 +339,7 @@ def select_effects(
     if fitted is alone:
         remarks = (*said, *best.remarks[len(left_out[:1]) :], *selection.remarks)
     else:
-        nothing = (f"geometry alone: {remark}" for remark in nothing_learnt)
+        nothing = (f"geometry alone: {remark}" for remark in said_of(alone, [frames_alone]))
         remarks = (*said, *nothing, *calibration.remarks, *selection.remarks)
     calibration = replace(calibration, left_out=left_out, remarks=remarks)
     if like is not None:

@@ -65,8 +65,6 @@ class Fit:
     iterations: int
     rounds: int
     reason: str
-    typical: bool = False
-    """Whether the model error is that of any robot, as the rows are too few to tell one."""
     help: Help | None = None
     """What came of a sibling, if there is one."""
     left_out: tuple[LeftOut, ...] = ()
@@ -146,13 +144,6 @@ class Fit:
         if self.refusal is not None:
             raise self.refusal
         return self
-
-
-def effects_remarks(fit: Fit) -> tuple[str, ...]:
-    """What is unusual about the estimates of the effects, in words."""
-    model, deviations = fit.problem.layout.model, np.sqrt(np.diag(fit.covariance))
-    estimates = {model.names[i]: (float(fit.z[i]), float(deviations[i])) for i in fit.estimated}
-    return tuple(remark for effect in model.effects for remark in effect.remarks(model.robot, estimates))
 
 
 # What a fit of some parameters says of all of them.

@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 from taskcal.campaigns.campaign import Campaign
 from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.identification.calibration import Calibration
-from taskcal.identification.fit import Fit, effects_remarks
+from taskcal.identification.checks.checks import OF_ONE_MODEL, said_of
+from taskcal.identification.fit import Fit
 from taskcal.identification.group_model import (
     EMPTY,
     GEOMETRY,
@@ -31,7 +32,6 @@ from taskcal.identification.sibling import (
     expecting,
     expecting_errors,
     has_own_sizes,
-    remark_on,
     untold_effects,
 )
 from taskcal.robot.effects import SPECTRUM, Effect
@@ -112,7 +112,7 @@ def posterior_of(
         else "geometry, effects and their sizes hardly move",
         help=help,
     )
-    return replace(fit, remarks=(*effects_remarks(fit), *remark_on(help)))
+    return replace(fit, remarks=said_of(fit, OF_ONE_MODEL))
 
 
 def _group_deviations(fitted: GroupFit) -> Float[np.ndarray, " p"]:

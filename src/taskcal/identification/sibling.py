@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from taskcal.errors import TaskcalError, shortened
 from taskcal.estimation.group_variances import Groups
 from taskcal.estimation.noisy_rows import FLAT, MIN_VARIANCE, TYPICAL, NoisyFit, PoseNoise
 from taskcal.identification.calibration import Calibration
@@ -26,7 +25,6 @@ from taskcal.identification.group_model import (
     GroupModel,
 )
 from taskcal.identification.problem import Linearisation, Problem
-from taskcal.robot.error_model import ErrorModel
 
 SPECIMEN_WIDTH = JOINT_WIDTH
 """Standard deviation of a log variance of one robot about its sibling's: a factor of 1.6 in size. A convention: two robots of one
@@ -39,53 +37,10 @@ MIN_GAIN = 1.0
 """Gain of log evidence from which on a sibling's sizes are taken. Kass and Raftery (1995), Journal of the American Statistical
 Association 90, find less not worth more than a bare mention; what is ambiguous stays as without."""
 
-MAX_NAMES_LENGTH = 60
-"""Characters of parameters' names in a message."""
-
 
 def has_own_sizes(like: Calibration) -> bool:
     """Whether geometry and effects were fitted together, so that each group has a size of its own."""
     return like.group_deviations is not None
-
-
-def check_sibling(model: ErrorModel, like: Calibration, *, effects: bool) -> None:
-    """Refuse a calibration that says nothing of this robot.
-
-    Args:
-        model: of this robot.
-        like: the calibration.
-        effects: whether this robot's effects are found by their evidence.
-
-    Raises:
-        TaskcalError: the joints are others, no parameter is the same, it had no prior, or its sizes are of another kind of fit.
-    """
-    own, other, named = model.robot, like.model.robot, described_sibling(like)
-    kinds = ["slides" if slides else "turns" for slides in own.prismatic]
-    theirs = ["slides" if slides else "turns" for slides in other.prismatic]
-    differing = [
-        f"{a} {x} and {b} {y}"
-        for a, x, b, y in zip(own.joint_names, kinds, other.joint_names, theirs, strict=False)
-        if (a, x) != (b, y)
-    ]
-    if len(own.joint_names) != len(other.joint_names):
-        differing = [f"{len(own.joint_names)} joints and {len(other.joint_names)}"]
-    if differing:
-        raise TaskcalError(
-            f"{named} is no sibling of {own.name}: their joints differ ({'; '.join(differing)}); take a calibration of a robot of "
-            "the same make"
-        )
-    if not set(model.names) & set(like.kept):
-        raise TaskcalError(
-            f"{named} estimates none of this model's parameters, but "
-            f"{shortened(', '.join(like.kept), MAX_NAMES_LENGTH) or 'none at all'}; take one that does"
-        )
-    if like.prior_scale is None:
-        raise TaskcalError(f"{named} had no prior, so that it says nothing of sizes; identify it with one")
-    if has_own_sizes(like) and not effects:
-        raise TaskcalError(
-            f"{named} has sizes beside all effects, and these are not the sizes of geometry alone: identify with --effects "
-            "auto, or take a calibration without (in Python: explain in place of identify)"
-        )
 
 
 def described_sibling(like: Calibration) -> str:
@@ -209,22 +164,6 @@ class Help:
     def taken(self) -> bool:
         """Whether its sizes are expected of this robot."""
         return self.gain > MIN_GAIN
-
-    def remark(self) -> str:
-        """What came of it, in words."""
-        named = described_sibling(self.like)
-        if not self.taken:
-            return (
-                f"the sizes of {named} were not taken: this robot's rows are not more probable under them (Δ log evidence "
-                f"{self.gain:.1f}, threshold {MIN_GAIN:g}), as where the two are no siblings; all is as without"
-            )
-        others = f"; it says nothing of {', '.join(self.untold)}, which are as without" if self.untold else ""
-        return f"sizes and model error are expected as those of {named} (Δ log evidence {self.gain:+.1f}){others}"
-
-
-def remark_on(help: Help | None) -> tuple[str, ...]:
-    """What came of a sibling, if there is one, in words."""
-    return () if help is None else (help.remark(),)
 
 
 def described_with(help: Help | None, options: dict[str, Any]) -> dict[str, Any]:

@@ -34,8 +34,9 @@ from taskcal.errors import (
 from taskcal.estimation.prior import GaussianPrior
 from taskcal.geometry import se3
 from taskcal.identification.calibration import Calibration
+from taskcal.identification.checks.checks import by_tolerances
 from taskcal.identification.effects import select_effects
-from taskcal.identification.identify import attempt, checked_by_tolerances, fit_nominal
+from taskcal.identification.identify import attempt, fit_nominal
 from taskcal.identification.options import FitOptions
 from taskcal.io.codec import decode, describe
 from taskcal.io.files import write_whole
@@ -281,7 +282,7 @@ def _learn(model: ErrorModel, campaign: Campaign, name: str, options: FitOptions
             found = select_effects(geometry, campaign, options=options).calibration
         else:
             fit = attempt(geometry if name == "geometry" else model, campaign, options)
-            found = checked_by_tolerances(fit).calibration
+            found = by_tolerances(fit).calibration
     except NothingLearntError:
         return None
     return found if len(found.estimated) or options.keep == () else None

@@ -37,11 +37,10 @@ class FewDigits:
     left: float
     """What the fit leaves, root mean square, metres."""
 
-    def __str__(self) -> str:
-        return (
-            f"the {self.of} are written to {self.step}: this last digit is worth about {self.worth * 1e3:.2g} mm of the "
-            f"{self.left * 1e3:.2g} mm (rms) that a fit leaves: write more digits; no effect of the robot explains it"
-        )
+    @property
+    def values(self) -> dict[str, str | float]:
+        """That its sentence is filled with, in millimetres."""
+        return {"of": self.of, "step": self.step, "worth": self.worth * 1e3, "left": self.left * 1e3}
 
 
 def find_few_digits(
