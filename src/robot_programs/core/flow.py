@@ -242,13 +242,17 @@ def lines_in(nodes: Iterable[Node]) -> Iterator[Any]:
                 yield node.line
 
 
+def nodes_in(nodes: Iterable[Node]) -> Iterator[Node]:
+    """Some nodes, and all inside them."""
+    for node in nodes:
+        yield node
+        for body in bodies_of(node):
+            yield from nodes_in(body)
+
+
 def unread_in(nodes: Iterable[Node]) -> Iterator[Any]:
     """Lines of nodes that are not understood."""
-    for node in nodes:
-        if isinstance(node, Unknown):
-            yield node.line
-        for body in bodies_of(node):
-            yield from unread_in(body)
+    return (node.line for node in nodes_in(nodes) if isinstance(node, Unknown))
 
 
 MAX_BACKWARD = 24
@@ -298,11 +302,7 @@ def _behind_jumps(nodes: Block, label: int) -> int:
 
 
 def _jumps_to(nodes: Block, label: str) -> bool:
-    return any(
-        (isinstance(node, Leave) and node.way == "jump" and node.label == label)
-        or any(_jumps_to(body, label) for body in bodies_of(node))
-        for node in nodes
-    )
+    return any(isinstance(node, Leave) and node.way == "jump" and node.label == label for node in nodes_in(nodes))
 
 
 def _may_end(nodes: Block) -> bool:
@@ -313,7 +313,7 @@ def _may_end(nodes: Block) -> bool:
 
 
 def _leaves(nodes: Block) -> bool:
-    return any(isinstance(node, Leave) or any(map(_leaves, bodies_of(node))) for node in nodes)
+    return any(isinstance(node, Leave) for node in nodes_in(nodes))
 
 
 def leaves_loop(nodes: Iterable[Node]) -> bool:

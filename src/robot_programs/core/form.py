@@ -4,7 +4,7 @@ Every expression knows its place in the text. State of a controller, such as the
 what sets it is an assignment as well.
 """
 
-from collections.abc import Hashable, Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +60,8 @@ class Hole:
 
     at: Span
     why: str
+    named: tuple[Ref, ...] = ()
+    """Data that its text names."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -96,39 +98,33 @@ class Ask:
 Expression = Lit | Ref | Op | Rec | Ask | Hole
 
 
+def parts_of(expression: Expression) -> Sequence[Expression]:
+    """The expressions right in one, in the order of the text."""
+    match expression:
+        case Op():
+            return expression.operands
+        case Rec():
+            return tuple(expression.parts.values())
+        case Ask():
+            return expression.arguments
+        case Ref() if expression.path:
+            return [index for part in expression.path if isinstance(part, tuple) for index in part]
+        case _:
+            return ()
+
+
 def inside(expression: Expression) -> Iterator[Expression]:
     """An expression, and all in it."""
     waiting = [expression]
     while waiting:
         one = waiting.pop()
         yield one
-        match one:
-            case Op():
-                waiting += reversed(one.operands)
-            case Rec():
-                waiting += reversed(tuple(one.parts.values()))
-            case Ask():
-                waiting += reversed(one.arguments)
-            case Ref() if one.path:
-                waiting += [index for part in reversed(one.path) if isinstance(part, tuple) for index in reversed(part)]
-            case _:
-                pass
+        waiting += reversed(parts_of(one))
 
 
 def asks_in(expression: Expression) -> Iterator[Ask]:
     """Functions in an expression, those in arguments before the one that is given them."""
-    match expression:
-        case Ask():
-            inner: Iterable[Expression] = expression.arguments
-        case Op():
-            inner = expression.operands
-        case Rec():
-            inner = expression.parts.values()
-        case Ref():
-            inner = [index for part in expression.path if isinstance(part, tuple) for index in part]
-        case _:
-            return
-    for one in inner:
+    for one in parts_of(expression):
         yield from asks_in(one)
     if isinstance(expression, Ask):
         yield expression

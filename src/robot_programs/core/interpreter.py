@@ -545,8 +545,7 @@ def _is_odd(nodes: flow.Block) -> bool:
     return any(
         isinstance(node, flow.Unknown)
         or (isinstance(node, flow.FlowStep) and isinstance(node.line, Do) and node.line.any)
-        or any(map(_is_odd, flow.bodies_of(node)))
-        for node in nodes
+        for node in flow.nodes_in(nodes)
     )
 
 

@@ -115,7 +115,7 @@ class Words:
 
     def at(self, *texts: str) -> bool:
         """Whether the next word is one of some, in capitals."""
-        return self.next.upper in texts
+        return self.next.text.upper() in texts
 
     def accept(self, *texts: str) -> bool:
         """Read the next word if it is one of some."""

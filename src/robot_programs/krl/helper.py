@@ -10,8 +10,7 @@ Points of motions are put through these functions as far as the text tells which
 """
 
 import re
-from collections import defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from math import cos, degrees
@@ -20,25 +19,21 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from robot_programs.core.form import Ask, Expression, Lit, Rec, Ref, Text, inside
-from robot_programs.core.helper import Computed, Dialect, HelperModule, single
+from robot_programs.core.form import Ask, Expression, Key, Lit, Rec, Ref, Routine, Text, inside
+from robot_programs.core.helper import MEASURED, Computed, Dialect, HelperModule, Makings, measured, returned, single
 from robot_programs.core.program import Unresolved, Wrapped, pose_numbers
 from robot_programs.core.robot import Robot, arm_bends, meeting_point
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.core.values import Structure
 from robot_programs.krl.data import BUILT_IN, PLACES, KrlFile, KrlRoutine, Names
-from robot_programs.krl.lower import Coded, MotionStep, is_stated
+from robot_programs.krl.lower import CARRYING, MotionStep, is_stated
 from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.syntax import (
     RELATIVE_MOTIONS,
     Assignment,
-    Call,
-    Control,
     KrlLine,
     MotionLine,
     Operand,
-    Token,
-    whole_call,
 )
 from robot_programs.krl.values import POSE, numbers_in, texts_in
 from taskcal_groundwork import se3
@@ -257,9 +252,6 @@ FRAMES = frozenset({"$NULLFRAME", "$WORLD", "$ROBROOT", "$BASE", "$TOOL", "BASE_
 HELD = ("$BASE", "$TOOL", "BASE_DATA", "TOOL_DATA")
 """Those that motions are counted in."""
 
-CARRIED = frozenset({"EK", "LK", "EB"})
-"""Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
-
 _COUPLED = re.compile(
     r"#(?:EX|LK|EB)_BASE\b|MACHINE_FRAME_DAT(?=\[\d+\]\s*=\s*\{[^}]*MACH_DEF_INDEX\s+[1-9])", re.IGNORECASE
 )
@@ -275,7 +267,7 @@ MEASURING = frozenset(
 
 def wrap(
     files: Sequence[KrlFile],
-    routines: Sequence[Coded],
+    routines: Sequence[Routine],
     motions: Container[Text],
     function: str,
     without: Container[str],
@@ -284,21 +276,21 @@ def wrap(
 
     Args:
         files: of the program.
-        routines: of the program.
+        routines: of the program, and what runs beside or outside of them.
         motions: places of motions.
         function: name of a function of an E6POS whose status and turn count; the names of two others begin with it, see `ENDINGS`.
         without: names of tools and bases, in lower case, one of which the program may have active.
     """
     names = Names(files=tuple(files))
-    measured = _Measured.of(names)
+    places = _MeasuredData(names, routines)
     elsewhere: dict[Text, Wrapped] = {}
     own = [file for file in files if file.module != BUILT_IN]
     named = {name for file in own for name in file.mentions}
     coupled = (match[0] for file in own if (match := _COUPLED.search(file.source.text)))
-    carried = next(iter(sorted(named & CARRIED)), "") or next(coupled, "")
+    carried = next(iter(sorted(named & CARRYING)), "") or next(coupled, "")
     handed = any(_HANDED.search(file.source.text) for file in own)
 
-    def edits(step: MotionStep) -> Iterator[TextEdit]:
+    def edits(step: MotionStep, routine: Routine) -> Iterator[TextEdit]:
         line = step.statement
         if carried:
             raise Unresolved(f"a base may be moved ({carried})")
@@ -310,8 +302,8 @@ def wrap(
             raise Unresolved(
                 "it may keep the orientation in which it begins ($ORI_TYPE), which the function does not see"
             )
-        elsewhere.update(measured.elsewhere(step.routine))
-        _expect_points(step, measured, named)
+        elsewhere.update(places.elsewhere(routine, files))
+        _expect_points(step, routine, places, named)
         points = [
             MotionPoint(operand=one, parts=tuple(filter(is_stated, step.points[own])), step=step)
             for one, own in step.operands
@@ -323,10 +315,10 @@ def wrap(
         else:
             yield from (_around(one, names, function) for one in points)
 
-    for step in (line for routine in routines for line in routine.lines):
+    for routine, step in ((one, line) for one in routines for line in one.lines):
         if isinstance(step, MotionStep) and step.at[:2] in motions:
             place = step.routine.file.source.place(step.statement.start)
-            yield Wrapped.of(place, step.statement.keyword, edits(step))
+            yield Wrapped.of(place, step.statement.keyword, edits(step, routine))
     yield from elsewhere.values()
 
 
@@ -360,7 +352,7 @@ def calls_function(line: KrlLine, function: str) -> bool:
     return isinstance(line, MotionLine) and any(word.upper in names for word in line.words)
 
 
-def _expect_points(step: MotionStep, measured: "_Measured", named: Container[str]) -> None:
+def _expect_points(step: MotionStep, routine: Routine, places: "_MeasuredData", named: Container[str]) -> None:
     """See that a motion goes to points of which a function can make others.
 
     Raises:
@@ -375,19 +367,23 @@ def _expect_points(step: MotionStep, measured: "_Measured", named: Container[str
     if any(name.startswith(("$TOOL", "$BASE", "$IPO_MODE", "$LOAD")) for name in line.settings):
         raise Unresolved("it sets tool or base for itself, which the function does not see")
     # a distance is the same in whatever base: only the way along its axes counts
-    for name in (*(name for point in step.points for name in _names(point)), *(() if relative else HELD)):
-        if measured.says(measured.names.key(step.routine, name), step.routine):
+    own = (one for point in step.points for one in _named(point))
+    for name, key in (*own, *(() if relative else zip(HELD, HELD, strict=True))):
+        if places.says(key, routine):
             raise Unresolved(f"'{name}' comes from where the robot stood, which is true already")
 
 
-def _names(point: Expression) -> Iterator[str]:
-    """Names of which a point is made, without those of components and of its own index."""
-    for one in (point,) if isinstance(point, Ref) else inside(point):
+def _named(point: Expression) -> Iterator[tuple[str, Key]]:
+    """Data of which a point is made, by their names, without its own index; what functions return behind all others."""
+    for one in (point,) if isinstance(point, Ref) else sorted(inside(point), key=lambda each: isinstance(each, Ask)):
         match one:
-            case Ref(name=name):
-                yield name
-            case Ask(name=name, changes=changes):
-                yield from (name, *(ref.name for ref in changes))
+            case Ref(name=name) | Ask(name=name) if _is_measuring(one):
+                yield name, MEASURED
+            case Ref(name=name, key=key):
+                yield name, key
+            case Ask(name=name, routines=routines, changes=changes):
+                yield from ((name, returned(routine)) for routine in routines)
+                yield from ((ref.name, ref.key) for ref in changes)
             case _:
                 pass
 
@@ -498,84 +494,43 @@ def _of_inline_form(point: Ref, routine: KrlRoutine) -> bool:
     return not point.path and name.startswith("X") and f"F{name[1:]}" in of_point and not name.startswith("XHOME")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Measured:
+# Which data come from where the robot stood.
+
+
+def _is_measuring(expression: Expression) -> bool:
+    """Whether it is one of `MEASURING`."""
+    return isinstance(expression, Ref | Ask) and expression.name in MEASURING
+
+
+_MAKINGS = Makings(measures=_is_measuring)
+
+
+class _MeasuredData:
     """What the program's own variables have from where the robot stood."""
 
-    names: Names
-    places: dict[str, dict[Text, KrlRoutine]]
-    """By key of a variable, or name of a function: the lines that give it such a value, and their routines."""
+    def __init__(self, names: Names, routines: Iterable[Routine]) -> None:
+        self.names = names
+        self.places = measured(_MAKINGS.gifts(routines), self._sees)
 
-    @classmethod
-    def of(cls, names: Names) -> "_Measured":
-        """What is so in some files."""
-        own = [routine for file in names.files if file.module != BUILT_IN for routine in file.sections]
-        out = cls(names=names, places={})
-        called: dict[str, list[KrlRoutine]] = defaultdict(list)
-        for routine in own:
-            called[routine.name].append(routine)
-        before = -1
-        while before < (before := sum(map(len, out.places.values()))):
-            for routine in own:
-                for line in routine.lines:
-                    for key in out._given_by(line, routine, called):
-                        out.places.setdefault(key, {})[routine.file.number, line.start] = routine
-        return out
-
-    def says(self, key: str, routine: KrlRoutine) -> bool:
-        """Whether a variable has such a value in a routine.
+    def _sees(self, key: Key, by: Routine, routine: Routine) -> bool:
+        """Whether a routine may meet in a variable what another one gave it.
 
         Tools and bases that a program of its own measures count as what the data list states, as in all motions.
         """
-        others = self.places.get(key, {}).values()
-        return key in MEASURING or any(key not in HELD or not self.names.is_apart(routine.name, o.name) for o in others)
+        return key not in HELD or not self.names.is_apart(routine.name, by.name)
 
-    def elsewhere(self, routine: KrlRoutine) -> dict[Text, Wrapped]:
+    def says(self, key: Key, routine: Routine) -> bool:
+        """Whether a variable has such a value in a routine."""
+        return key == MEASURED or any(self._sees(key, gift.routine, routine) for gift in self.places.get(key, ()))
+
+    def elsewhere(self, routine: Routine, files: Sequence[KrlFile]) -> dict[Text, Wrapped]:
         """Where tools and bases are so in a program other than that of a routine."""
         why = "it is set from where the robot stood, in a program of its own; its value is taken as true"
+        found = ((key, gift) for key in HELD for gift in self.places.get(key, ()))
         return {
-            (number, start): Wrapped(place=other.file.source.place(start), name=key, obstacle=why)
-            for key in HELD
-            for (number, start), other in self.places.get(key, {}).items()
-            if self.names.is_apart(routine.name, other.name)
-        }
-
-    def _given_by(self, line: KrlLine, routine: KrlRoutine, called: Mapping[str, Sequence[KrlRoutine]]) -> set[str]:
-        """Keys of what a line gives such a value."""
-        match line:
-            case Assignment():
-                call = whole_call(line.words)
-                given = set[str]() if call is None else self._passed(call, routine, called)
-                if self._any(line.words, routine):
-                    given.add(self.names.key(routine, line.variable.partition("[")[0]))
-                return given
-            case Control(keyword="RETURN") if self._any(line.words, routine):
-                return {routine.name}
-            case Call():
-                return self._passed(line, routine, called)
-            case _:
-                return set()
-
-    def _passed(self, call: Call, routine: KrlRoutine, called: Mapping[str, Sequence[KrlRoutine]]) -> set[str]:
-        """Keys of what a call gives such a value: parameters, and variables that are passed by reference."""
-        out, modes = set[str](), self.names.by_value.get(call.name, ())
-        for other in called.get(call.name, ()):
-            for k, (parameter, words) in enumerate(zip(other.parameters, call.arguments, strict=False)):
-                key = self.names.key(other, parameter)
-                if self._any(words, routine):
-                    out.add(key)
-                elif key in self.places and not (k < len(modes) and modes[k]):
-                    out |= self._keys(words, routine)
-        return out
-
-    def _any(self, words: Iterable[Token], routine: KrlRoutine) -> bool:
-        return any(self.says(key, routine) for key in self._keys(words, routine))
-
-    def _keys(self, words: Iterable[Token], routine: KrlRoutine) -> set[str]:
-        """Keys of the variables of which an expression is made."""
-        before = (None, *words)
-        return {
-            self.names.key(routine, word.upper)
-            for dot, word in pairwise(before)
-            if word is not None and word.kind == "name" and (dot is None or dot.text != ".")
+            gift.line.at[:2]: Wrapped(
+                place=files[gift.line.at[0]].source.place(gift.line.at[1]), name=key, obstacle=why
+            )
+            for key, gift in found
+            if not self._sees(key, gift.routine, routine)
         }

@@ -5,7 +5,7 @@ the system variables; see `KrlMeaning` for what their operators make of frames.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate, pairwise, starmap
 from typing import Any, ClassVar, Literal
@@ -28,6 +28,7 @@ from robot_programs.core.form import (
     Routine,
     Span,
     Text,
+    asks_in,
     inside,
 )
 from robot_programs.core.kit import Cursor, Token
@@ -55,23 +56,20 @@ from robot_programs.krl.syntax import (
     BLOCKS,
     LOOPS,
     SPLINES,
-    Aggregate,
     Assignment,
     Beside,
     Call,
     Control,
+    Counting,
     Field,
     KrlLine,
     MotionLine,
     Operand,
-    arguments_of,
     bit_string,
     changes_nothing,
-    closing,
+    is_call,
     split_at_commas,
     structure,
-    value_of,
-    whole_call,
 )
 from robot_programs.krl.values import (
     COMPONENT,
@@ -106,8 +104,11 @@ _BY_SETS = {"SIPO_MODE": MODE_OF, "SORI_TYP": ORIENTED}
 MAX_DEPTH = 24
 """Blocks in each other, in one routine, and labels to which a GOTO behind them leads."""
 
-_NULL = Token("name", "$NULLFRAME", 0)
 _ON_MECHANISMS = ("MACHINE_FRAME_DAT", "MACHINE_DEF")
+_OF_INLINE_FORMS = frozenset({"STOOL", "STOOL2", "SBASE", "SVEL_CP", "SAPO", "SAPO_PTP", *_BY_SETS})
+"""Functions whose first argument is a set of parameters."""
+CARRYING = frozenset({"EK", "LK", "EB"})
+"""Functions by which a base moves with an external axis, another robot or a conveyor; the controller's own BAS has them all."""
 _COUPLED = {
     "LK": "$BASE is linked by LK to another robot, and where that is this program does not tell",
     "EB": "$BASE is linked by EB to a conveyor, and where that is this program does not tell",
@@ -267,7 +268,7 @@ class KrlReader(Cursor):
         """
         super().__init__(found, scope.file)
         self.scope, self.moves = scope, moves
-        self.follows = follows and whole_call(found) is not None
+        self.follows = follows and is_call(found)
 
     def operation(self, start: int, sign: str, *operands: Expression) -> Expression:
         """What an operator makes of operands; a sign before a number belongs to it."""
@@ -332,14 +333,14 @@ class KrlReader(Cursor):
 
     def _is_plain(self, one: Field) -> bool:
         """Whether nothing is computed of a component; in a point those count alone that positions have."""
-        word = one.words[0]
-        plain = one.value is not None or word.kind in ("enum", "string") or word.upper in ("TRUE", "FALSE")
-        return plain or (self.moves and one.name not in NUMBERS)
+        if one.value is not None or (self.moves and one.name not in NUMBERS):
+            return True
+        return one.words[0].kind in ("enum", "string") or one.words[0].upper in ("TRUE", "FALSE")
 
     def _component(self, one: Field) -> Expression:
         """A component as it is written, of a structure of which some are computed."""
         if one.value is not None:
-            number: Expression = Lit(at=(self.file, one.words[0].start, one.words[-1].end), value=one.value)
+            number: Expression = Lit(at=(self.file, one.start, one.end), value=one.value)
             return self.scope.part(one, number)
         if one.words[0].text == "{":
             raise self.problem(f"the component {one.name} is not evaluated")
@@ -405,13 +406,10 @@ class RoutineScope:
         found = reader.whole()
         if not isinstance(found, Hole):
             return found
-        self.called = called
-        calls = any(word.text == "(" for word in reader.words)
-        return (
-            Ask(at=found.at, name="", arguments=(found,), changes=self.named(reader.words, found.at))
-            if calls
-            else found
-        )
+        self.called, names = called, self.named(reader.words, found.at)
+        if any(word.text == "(" for word in reader.words):
+            return Ask(at=found.at, name="", arguments=(found,), changes=names)
+        return replace(found, named=names)
 
     def rest(self, line: KrlLine, *others: KrlLine) -> Block:
         """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise."""
@@ -617,58 +615,69 @@ class RoutineScope:
             name: of the variable, with its component.
             words: the value.
         """
-        function = words[0].upper if len(words) > 2 and words[1].text == "(" else ""
+        called, value = set(self.called), self.expression(words, follows=True)
+        function, given = "", value
+        if isinstance(value, Ask) and value.arguments and value.name in _OF_INLINE_FORMS:
+            self.called, function, given = called, value.name, value.arguments[0]
+            while isinstance(given, Op) and given.sign == COMPONENT:  # of the set of parameters
+                (given, _) = given.operands
         variable, _, component = name.partition(".")
+        if variable in TABLE_OF and component:
+            return {
+                _SETTING_OF[variable]: self._op(
+                    WITH, self.ref(variable, self.here), value, self._lit((variable, component))
+                )
+            }
         if variable in TABLE_OF:
-            value = self._component(variable, component, words) if component else self._frame(variable, function, words)
-            return {_SETTING_OF[variable]: value}
+            return {_SETTING_OF[variable]: self._frame(variable, function, given, value)}
         if function == "SVEL_CP":
-            return {"speed": self.expression(words[2:3])}
+            return {"speed": given}
         if function in ("SAPO", "SAPO_PTP"):
-            own = self._op(PASSED, self._lit(""), self.expression(words[2:3]))
-            return {"distance": own, "share": self._unknown()}
+            return {"distance": self._op(PASSED, self._lit(""), given), "share": self._unknown()}
         if name in _SETTING_OF:
-            sign, given = _BY_SETS.get(function), words[2:3]
-            value = self.expression(words, follows=True) if sign is None else self._op(sign, self.expression(given))
-            return {_SETTING_OF[name]: value}
+            return {_SETTING_OF[name]: self._op(_BY_SETS[function], given) if function in _BY_SETS else value}
         if name not in _STRUCTURES:
             return {}
-        found = value_of(words)
-        if not isinstance(found, Aggregate):
-            return {one: self._unknown() for one in _STRUCTURES[name].values()}
-        stated = {
-            _STRUCTURES[name][one.name]: self.expression(one.words)
-            for one in found.fields
-            if one.name in _STRUCTURES[name]
-        }
-        if name == "$APO":  # what it does not state stays
-            return stated
-        return {one: stated.get(one, self._unknown()) for one in _STRUCTURES[name].values()}
-
-    def _component(self, name: str, component: str, words: Sequence[Token]) -> Expression:
-        value = self.expression(words, follows=True)
-        return self._op(WITH, self.ref(name, self.here), value, self._lit((name, component)))
-
-    def _frame(self, name: str, function: str, words: Sequence[Token]) -> Expression:
-        """What $TOOL or $BASE is set to, perhaps by a function of the inline forms or of the controller."""
-        match name, function:
-            case "$TOOL", "STOOL" | "STOOL2":
-                return self._of_parameters(name, self.expression(words[2:3]))
-            case "$BASE", "SBASE":
-                return self._op(STANDING, self._of_parameters(name, self.expression(words[2:3])))
-            case "$BASE", "LK" | "EB":
-                return self._unknown(_COUPLED[function])
-            case "$BASE", "EK":
-                given = arguments_of(words[1:])
-                if len(given) not in (2, 3) or closing(words[1:]) != len(words) - 2:
-                    return self._unknown(_EK)
-                return self._op(CARRIED, self._named(name, given[2] if len(given) == 3 else (_NULL,)))
+        match value:
+            case Rec(parts=parts):
+                stated = {one: part for one, part in parts.items() if one in _STRUCTURES[name]}
+            case Lit(value=Structure(parts=parts)):
+                stated = {one: Lit(at=value.at, value=part) for one, part in parts.items() if one in _STRUCTURES[name]}
             case _:
-                return self._named(name, words)
+                return {one: self._unknown() for one in _STRUCTURES[name].values()}
+        if name == "$APO":  # what it does not state stays
+            return {_STRUCTURES[name][str(one)]: part for one, part in stated.items()}
+        return {setting: stated.get(one, self._unknown()) for one, setting in _STRUCTURES[name].items()}
 
-    def _named(self, name: str, words: Sequence[Token]) -> Expression:
+    def _frame(self, name: str, function: str, given: Expression, value: Expression) -> Expression:
+        """What $TOOL or $BASE is set to, perhaps by a function of the inline forms or of the controller.
+
+        Args:
+            name: the one or the other.
+            function: of the inline forms.
+            given: to it.
+            value: with the function.
+        """
+        asks = tuple(asks_in(value)) if name == BASE else ()
+        named = [one for ask in asks for one in (ask.name, *(ref.name for ref in ask.changes)) if one in CARRYING]
+        match name, function, named:
+            case "$TOOL", "STOOL" | "STOOL2", _:
+                return self._of_parameters(name, given)
+            case "$BASE", "SBASE", _:
+                return self._op(STANDING, self._of_parameters(name, given))
+            case _, _, ["LK" | "EB" as carrying, *_]:
+                return self._unknown(_COUPLED[carrying])
+            case _, _, ["EK", *_]:
+                if not isinstance(value, Ask) or value.name != "EK" or len(value.arguments) not in (2, 3):
+                    return self._unknown(_EK)
+                frame = value.arguments[2] if len(value.arguments) == 3 else self.ref("$NULLFRAME", self.here)
+                return self._op(CARRIED, self._named(name, frame))
+            case _:
+                return self._named(name, value)
+
+    def _named(self, name: str, value: Expression) -> Expression:
         """A frame with the name by which it is called."""
-        value, own, indices = self.expression(words, follows=True), "", tuple[Expression, ...]()
+        own, indices = "", tuple[Expression, ...]()
         if isinstance(value, Ref):
             own, indices = value.name, tuple(one for step in value.path if isinstance(step, tuple) for one in step)
         return self._op(FRAME, self._lit((name, own)), value, *indices)
@@ -750,6 +759,9 @@ class RoutineScope:
 
     def _point(self, operand: Operand) -> Sequence[Expression]:
         """A point: structures and variables that are joined by ``:``, or one that is computed."""
+        if operand.stated is not None:
+            at = (self.file, operand.start, operand.end)
+            return (Lit(at=at, value=structured(operand.stated, self.file)),)
         found = self.expression(operand.words, follows=True, moves=True)
         parts = _factors(found)
         return parts if all(map(is_stated, parts)) else (found,)
@@ -882,17 +894,13 @@ class _Blocks:
         return flow.Loop(line=line, name=opening.keyword, kind=kind, condition=condition, body=body, end=closing)
 
     def _counted(self, opening: Control, body: Block, end: Control) -> Node:
-        scope, words, at = self.scope, opening.words, self.scope.at(opening)
-        upper = [word.upper for word in words]
-        odd = Hole(at=at, why="how often the FOR is gone through is not understood")
-        counter = scope.ref(upper[0] if upper else "", at)
-        if len(words) < 5 or upper[1] != "=" or "TO" not in upper:
-            bounds: tuple[Expression, ...] = (odd, odd, odd)
-        else:
-            to = upper.index("TO")
-            by = upper.index("STEP") if "STEP" in upper else len(words)
-            step = scope.expression(words[by + 1 :]) if by < len(words) else Lit(at=at, value=1.0)
-            bounds = (scope.expression(words[2:to]), scope.expression(words[to + 1 : by]), step)
+        assert isinstance(opening, Counting)
+        scope, at = self.scope, self.scope.at(opening)
+        counter = scope.ref("" if opening.counter is None else opening.counter.upper, at)
+        step = () if len(opening.bounds) > 2 else (Lit(at=at, value=1.0),)
+        bounds: tuple[Expression, ...] = (*map(scope.expression, opening.bounds), *step)
+        if not opening.bounds:
+            bounds = (Hole(at=at, why="how often the FOR is gone through is not understood"),) * 3
         bounds = tuple(Op(at=at, sign=WHOLE, operands=(one,)) for one in bounds)
         line = Steered(at=at, conditions=bounds, counter=counter, statement=opening)
         if not body:

@@ -65,7 +65,7 @@ def read_krl(
     motions, sites = list[Motion](), list[KrlSite]()
     for move, one in known_motions(found.findings):
         motions.append(move)
-        sites.append(replace(one.motion.written, before=one.before))
+        sites.append(replace(one.motion.written, before=one.before) if one.before else one.motion.written)
     said = {
         *_left(found),
         *_not_run(form),
@@ -94,6 +94,7 @@ def read_krl(
         T_world_base=T_world_base,
         unresolved=frozenset(line.at[:2] for line in found.findings.reasons),
         routines=tuple(form.routines.values()),
+        beside=(*form.stray, *form.actions.values()),
         turns=found.turns,
         begun=found.begun,
         read=partial(read_krl, tools=tools, parts=parts, data=data),

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from robot_programs.core.flow import Loop
-from robot_programs.core.form import Ref, Span, Text
+from robot_programs.core.form import Ref, Routine, Span, Text
 from robot_programs.core.program import (
     Composition,
     Motion,
@@ -36,6 +36,7 @@ from robot_programs.krl.syntax import (
     BLOCKS,
     Assignment,
     Control,
+    Counting,
     End,
     KrlLine,
 )
@@ -82,6 +83,8 @@ class KrlProgram(SharingProgram):
 
     sites: tuple[KrlSite, ...] = ()
     routines: tuple[Coded, ...] = ()
+    beside: tuple[Routine, ...] = ()
+    """What runs beside the lines of these, and lines outside of any."""
     files: tuple[KrlFile, ...] = ()
     unresolved: frozenset[Text] = frozenset()
     """Motions that are not understood on some way that leads to them."""
@@ -105,7 +108,9 @@ class KrlProgram(SharingProgram):
             lines = ((file, line) for file in again.files for line in file.statements if calls_function(line, function))
             return again, {file.source.place(line.start) for file, line in lines}
 
-        return wrapping(self, wrap(self.files, self.routines, motions, function, without), added, cleared)
+        return wrapping(
+            self, wrap(self.files, (*self.routines, *self.beside), motions, function, without), added, cleared
+        )
 
     def spelling(self, robot: Robot, waypoints: Paths) -> "KrlSpelling":
         """Numbers are changed where they stand; else the data list states others beside them, or the motion its own.
@@ -162,12 +167,13 @@ class KrlProgram(SharingProgram):
 
     def counter(self, loop: Loop) -> str:
         """Name of the counter of a loop; empty without one."""
-        return loop.line.statement.words[0].text if loop.kind == "counted" else ""
+        opening = loop.line.statement
+        return opening.counter.text if isinstance(opening, Counting) and opening.counter else ""
 
     def differs(self, routine: Coded, loop: Loop) -> bool:
         """Whether the turns of a loop differ by its own counter."""
         opening, closing = loop.line.statement, loop.end.statement
-        counter = opening.words[0].text if opening.words else ""
+        counter = self.counter(loop)
         inside = routine.section.file.source.text[opening.end : closing.start]
         return loop.kind == "while" or re.search(rf"\b{re.escape(counter)}\b", inside, re.IGNORECASE) is not None
 
@@ -186,8 +192,7 @@ class KrlProgram(SharingProgram):
             return None
         sets, after = ["" for _ in taken], ""
         if counter := self.counter(loop):
-            upper = [word.upper for word in opening.words]
-            step = text[opening.words[upper.index("STEP") + 1].start : opening.end] if "STEP" in upper else "1"
+            step = text[opening.bounds[2][0].start : opening.end] if len(opening.bounds) > 2 else "1"
             indent = source.indent(opening.start)
             sets = [f"{indent}{counter}={count:.0f}{source.newline}" for count in taken]
             after = f"{indent}{counter}={counter}+({step}){source.newline}"

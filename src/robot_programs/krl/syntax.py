@@ -4,8 +4,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, starmap
 from math import isfinite
+from sys import intern
 from typing import NamedTuple
 
 from robot_programs.core import kit
@@ -75,20 +76,17 @@ class Field(NamedTuple):
 
     name: str
     """In capitals."""
-    words: Sequence[Token]
-    """Its value."""
+    start: int
+    """First character of its value."""
+    end: int
+    text: str
+    """Its value as written, words that no symbol parts with a blank between them."""
     value: float | None
     """None where it is not a number."""
     touches: bool
     """No blank stands before the value."""
-
-    @property
-    def text(self) -> str:
-        """Its value as written, words that no symbol parts with a blank between them."""
-        if len(self.words) == 1:
-            return self.words[0].text
-        behind = (w.text if "symbol" in (before.kind, w.kind) else f" {w.text}" for before, w in pairwise(self.words))
-        return self.words[0].text + "".join(behind)
+    words: Sequence[Token] = ()
+    """Its value; none where it is a number, which long programs are made of."""
 
 
 class Aggregate(NamedTuple):
@@ -105,8 +103,11 @@ class Operand(NamedTuple):
     """A point of a motion."""
 
     words: Sequence[Token]
+    """None where its numbers are stated: long programs have little else."""
     start: int
     end: int
+    stated: Aggregate | None = None
+    """All of it, if that is a structure of numbers."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -239,6 +240,16 @@ class Control(KrlLine):
     """What stands behind it."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Counting(Control):
+    """The head of a FOR."""
+
+    counter: Token | None
+    """None where it has no words."""
+    bounds: tuple[tuple[Token, ...], ...]
+    """First and last count, and the step if it is stated; none where they are not understood."""
+
+
 # Parts of a line: structures, points, and what WITH sets.
 
 PASSING = {"C_PTP", "C_DIS", "C_VEL", "C_ORI", "C_SPL"}
@@ -287,7 +298,17 @@ def _field(line: Words) -> Field:
         odd = line.done or not words or not QUOTES.isdisjoint([word.text for word in words])
     if odd or name.kind != "name":
         raise line.problem(f"the component {name.text} is not understood")
-    return Field(name=name.upper, words=words, value=number_of(words), touches=behind == words[0].start)
+    value, first = number_of(words), words[0]
+    text = first.text if len(words) == 1 else first.text + "".join(starmap(_joined_behind, pairwise(words)))
+    return Field(
+        name=intern(name.upper), start=first.start, end=words[-1].end, text=text, value=value,
+        touches=behind == first.start, words=words if value is None else (),
+    )  # fmt: skip
+
+
+def _joined_behind(before: Token, word: Token) -> str:
+    """A word with the blank before it where no symbol parts it from the one before."""
+    return word.text if "symbol" in (before.kind, word.kind) else f" {word.text}"
 
 
 def number_of(words: Sequence[Token]) -> float | None:
@@ -316,10 +337,18 @@ def value_of(words: Sequence[Token]) -> Aggregate | float | bool | None:
 
 
 def _operand(line: Words) -> Operand:
-    """Words up to what may stand behind a point."""
+    """A structure of numbers, or words up to what may stand behind a point."""
+    start = line.number
+    if line.at("{"):
+        with suppress(Unresolved):
+            found = structure(line)
+            ends = line.done or line.at(*_BEHIND_OPERANDS)
+            if ends and all(one.value is not None for one in found.fields):
+                return Operand(words=(), start=found.start, end=found.end, stated=found)
+    line.number = start
     words = line.taken_to(*_BEHIND_OPERANDS)
-    start = line.place if words else line.words[-1].end
-    return Operand(words=words, start=words[0].start if words else start, end=words[-1].end if words else start)
+    none = line.words[-1].end
+    return Operand(words=words, start=words[0].start if words else none, end=words[-1].end if words else none)
 
 
 def _settings(line: Words) -> dict[str, tuple[Token, ...]]:
@@ -413,6 +442,9 @@ def _statement(words: list[Token]) -> KrlLine:
         return End(**span)
     if keyword in POINT_MOTIONS or keyword in OTHER_MOTIONS or [word.text for word in words[1:2]] == ["{"]:
         return _motion(words)
+    if keyword == "FOR":
+        counter, bounds = words[1] if len(words) > 1 else None, _bounds(words[1:])
+        return Counting(**span, keyword=keyword, words=tuple(words[1:]), counter=counter, bounds=bounds)
     if keyword in _STEERING:
         return Control(**span, keyword=keyword, words=tuple(words[1:]))
     if len(words) == 2 and words[1].text == ":":
@@ -422,6 +454,15 @@ def _statement(words: list[Token]) -> KrlLine:
     if len(words) > 1 and words[1].text == "(":
         return Call(**span, name=keyword, arguments=arguments_of(words[1:]))
     return _assignment(words)
+
+
+def _bounds(words: Sequence[Token]) -> tuple[tuple[Token, ...], ...]:
+    """Between what words a FOR counts, and by which step."""
+    upper = [word.upper for word in words]
+    if len(words) < 5 or upper[1] != "=" or "TO" not in upper:
+        return ()
+    to, by = upper.index("TO"), upper.index("STEP") if "STEP" in upper else len(words)
+    return tuple(words[2:to]), tuple(words[to + 1 : by]), *([tuple(words[by + 1 :])] if by < len(words) else [])
 
 
 def _beside(words: list[Token], shared: bool) -> Beside:
@@ -499,7 +540,7 @@ def _start_value(words: Sequence[Token]) -> tuple[Token, ...]:
 
 
 def _motion(words: list[Token]) -> MotionLine:
-    keyword = words[0].upper
+    keyword = intern(words[0].upper)
     cursor = Words(words)
     cursor.take()
     operands, passing = [_operand(cursor)], list[str]()
@@ -516,7 +557,7 @@ def _motion(words: list[Token]) -> MotionLine:
     while not cursor.done:
         word = cursor.take()
         if word.upper in PASSING:
-            passing.append(word.upper)
+            passing.append(intern(word.upper))
         elif keyword in RELATIVE_MOTIONS and not (arc and word.upper == "#TOOL") and word.upper in FRAMES_OF_DISTANCES:
             along = word.upper
         elif word.upper == "WITH":
@@ -569,11 +610,7 @@ def changes_nothing(function: str) -> bool:
     return function in _BY_VALUE or function in _OPERATORS
 
 
-def whole_call(words: Sequence[Token]) -> Call | None:
-    """The function whose value is all of an expression; None where it is anything else."""
-    if len(words) < 3 or words[0].kind != "name" or words[1].text != "(" or closing(words[1:]) != len(words) - 2:
-        return None
-    given = arguments_of(words[1:])
-    if any(word.text == "(" for group in given for word in group):
-        return None
-    return Call(start=words[0].start, end=words[-1].end, name=words[0].upper, arguments=given)
+def is_call(words: Sequence[Token]) -> bool:
+    """Whether an expression is a function and nothing else, with none in its arguments."""
+    called = len(words) > 2 and words[0].kind == "name" and words[1].text == "("
+    return called and closing(words[1:]) == len(words) - 2 and all(word.text != "(" for word in words[2:])

@@ -278,7 +278,7 @@ def edits_for(value: Structure, values: Mapping[str, float]) -> list[TextEdit]:
             text = _field_text(one.name, one.text, one.value, number)
             if text != one.text:
                 blank = " " if one.touches else ""
-                out.append(TextEdit(start=one.words[0].start, end=one.words[-1].end, text=blank + text))
+                out.append(TextEdit(start=one.start, end=one.end, text=blank + text))
     return out
 
 

@@ -7,28 +7,24 @@ ErrWrite, EXIT).
 Targets of motions are put through this function as far as the text tells which they may be.
 """
 
-from collections import defaultdict
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from math import cos, degrees
 
-from robot_programs.core.flow import reached
-from robot_programs.core.form import (
-    Ask,
-    Assign,
-    Check,
-    Do,
-    Expression,
-    Line,
-    MoveLine,
-    Ref,
-    asks_in,
-    expressions,
-    inside,
+from robot_programs.core.form import Ask, Expression, Key, Line, MoveLine, Ref, expressions
+from robot_programs.core.helper import (
+    MEASURED,
+    Dialect,
+    Gift,
+    HelperModule,
+    Makings,
+    indented,
+    measured,
+    returned,
+    single,
 )
-from robot_programs.core.helper import Dialect, HelperModule, indented, single
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import Source, TextEdit
-from robot_programs.rapid.lower import FRAMES, LoweredRapid, Reading, Unread
+from robot_programs.rapid.lower import FRAMES, LoweredRapid, Unread
 from robot_programs.rapid.names import Procedure, Symbol, Value
 from robot_programs.rapid.parse import Argument, arguments_of
 from robot_programs.rapid.resolve import MOTION_FORMS, MoveInstruction, layout
@@ -74,9 +70,6 @@ MEASURING = frozenset({"crobt", "cpos", "cjointt"})
 """Functions that say where the robot stands (RAPID functions CRobT, CPos, CJointT): numbers of the nominal robot for where the true
 one is, so that a motion there by other numbers would lead elsewhere."""
 
-Measured = frozenset[Symbol | str]
-"""Data that come from where the robot stood, and the keys of functions that do."""
-
 
 def wrap(
     form: LoweredRapid,
@@ -96,12 +89,12 @@ def wrap(
         shift: why poses may be shifted; empty if they are not.
         declared: what tools and work objects are declared as.
     """
-    measured = _measured(form)
+    known = {MEASURED, *measured(_gifts(form))}
     for routine in form.procedures:
         source = routine.file.source
         for line in routine.lines:
             if isinstance(line, MoveInstruction) and line in motions and line.key in MOTION_FORMS:
-                edits = _edits(line, routine, measured, function, shift, without, declared)
+                edits = _edits(line, routine, known, function, shift, without, declared)
                 yield Wrapped.of(source.place(line.at[1]), line.name, edits)
 
 
@@ -114,7 +107,7 @@ def calls_function(line: Line, function: str) -> bool:
 def _edits(
     line: MoveInstruction,
     routine: Procedure,
-    measured: Measured,
+    measured_data: Container[Key],
     function: str,
     shift: str,
     without: Container[str],
@@ -142,7 +135,7 @@ def _edits(
     for argument, one in zip((*targets, *frames), stated, strict=True):
         if argument.value is None:
             raise Unresolved("its target is not in the text (*)")
-        if measured & _read([one]):
+        if any(key in measured_data for key in _MAKINGS.of(one)):
             raise Unresolved(
                 f"'{text[argument.start : argument.end]}' comes from where the robot stood (CRobT, CPos, CJointT or a search), "
                 "which is true already"
@@ -175,56 +168,27 @@ def _why_it_stops(name: str, value: Value | None) -> str:
             return ""
 
 
-# Which data come from where the robot stood, whatever the order in which they are set.
+# Which data come from where the robot stood.
 
 
-def _measured(form: LoweredRapid) -> Measured:
-    made_of: dict[Symbol | str, set[Symbol | str]] = defaultdict(set)
+def _is_measuring(expression: Expression) -> bool:
+    """Whether it is one of `MEASURING`."""
+    return isinstance(expression, Ask) and expression.name.lower() in MEASURING
+
+
+_MAKINGS = Makings(measures=_is_measuring)
+
+
+def _gifts(form: LoweredRapid) -> Iterator[Gift]:
+    """What the lines of a program give, and what searches and text that is not understood may."""
+    yield from _MAKINGS.gifts(form.all)
     for routine in form.all:
         for line in routine.lines:
-            for made, of in _made_by(line, routine):
-                for one in of:
-                    made_of[one] |= made
-    return frozenset(reached(MEASURING, lambda one: made_of.get(one, ())))
-
-
-def _made_by(line: Line, routine: Procedure) -> Iterator[tuple[Measured, Measured]]:
-    """What a line gives values, and of what: data, and functions by their keys, which may return what they read."""
-    match line:
-        case Unread():
-            yield _data(line.names + line.changes), MEASURING.intersection(word.text.lower() for word in line.words)
-        case Assign():
-            yield _data([line.target]), _read([line.value])
-        case Check() if routine.kind and not isinstance(line, Reading):
-            yield frozenset({routine.name.lower()}), _read(line.conditions)
-        case Do():
-            yield from _passed(line)
-        case MoveInstruction(finds=Ref() as found):
-            yield _data([found]), MEASURING
-        case _:
-            pass
-    for one in expressions(line):
-        for ask in asks_in(one):
-            yield from _passed(ask)
-
-
-def _passed(call: Do | Ask) -> Iterator[tuple[Measured, Measured]]:
-    """The same of a call: all parameters of what it gives, and data of the parameters that it gives them to."""
-    given = _read(call.arguments)
-    for routine in call.routines:
-        yield _keys(routine.parameters), given
-        yield _data(call.arguments), _keys(routine.returning)
-
-
-def _data(refs: Iterable[Expression]) -> Measured:
-    return _keys(one.key for one in refs if isinstance(one, Ref))
-
-
-def _keys(keys: Iterable[object]) -> Measured:
-    return frozenset(key for key in keys if isinstance(key, Symbol))
-
-
-def _read(stated: Iterable[Expression]) -> Measured:
-    """Data and functions in expressions."""
-    parts = [part for one in stated for part in inside(one)]
-    return _data(parts) | frozenset(part.name.lower() for part in parts if isinstance(part, Ask))
+            match line:
+                case Unread() if not MEASURING.isdisjoint(word.text.lower() for word in line.words):
+                    given = [returned(routine), *(ref.key for ref in line.names + line.changes)]
+                case MoveInstruction(finds=Ref() as found):
+                    given = [found.key]
+                case _:
+                    given = []
+            yield from (Gift(routine, line, key, frozenset({MEASURED})) for key in given)

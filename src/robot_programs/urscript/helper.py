@@ -8,30 +8,25 @@ Targets of motions are put through these functions as far as the text tells whic
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import e
 from typing import NamedTuple
 
 from robot_programs.core import flow
-from robot_programs.core.form import (
-    Ask,
-    Assign,
-    Do,
-    Expression,
-    Key,
-    Line,
-    Lit,
-    Op,
-    Rec,
-    Ref,
-    Routine,
-    calls_in,
-    expressions,
-    inside,
+from robot_programs.core.form import Ask, Assign, Do, Expression, Key, Line, Lit, Op, Rec, Ref, expressions, inside
+from robot_programs.core.helper import (
+    MEASURED,
+    Dialect,
+    Gift,
+    HelperModule,
+    Makings,
+    indented,
+    measured,
+    returned,
+    values_in,
 )
-from robot_programs.core.helper import Dialect, HelperModule, indented
 from robot_programs.core.program import Unresolved, Wrapped
 from robot_programs.core.source import Source, TextEdit
 from robot_programs.core.values import Structure
@@ -47,7 +42,6 @@ MEASURING = frozenset({
     "get_target_joint_positions", "get_actual_joint_positions_history", "get_target_waypoint",
 })  # fmt: skip
 """Functions that say where the robot is or was: numbers of the nominal robot for where the true one stands."""
-_MEASURED: Key = "where the robot stood"
 
 _KEPT = {ELEMENT: 0, "get_inverse_kin": 0, "pose_trans": 1, IN_FEATURE: 2}
 """Which operand an operator keeps as it is, in other coordinates."""
@@ -63,28 +57,8 @@ def is_measuring(expression: Expression) -> bool:
     return expression.sign in MEASURING or (expression.sign == "get_forward_kin" and not expression.operands)
 
 
-def lines_of(routines: Iterable[Function]) -> Iterator[tuple[Function, Line]]:
-    """All lines of some routines."""
-    return ((routine, line) for routine in routines for line in routine.lines)
-
-
-def returned(routine: Routine) -> Key:
-    """What a function returns, as a datum."""
-    return "what is returned", routine
-
-
-def given_in(routine: Function, line: Line) -> Iterator[tuple[Key, Expression]]:
-    """Data that a line gives something: what it assigns, parameters of what it calls, and what a function returns."""
-    match line:
-        case Assign():
-            yield line.target.key, line.value
-        case Return():
-            yield returned(routine), line.conditions[0]
-        case _:
-            pass
-    for call in calls_in(line):
-        for one in call.routines:
-            yield from zip(one.parameters, call.arguments, strict=False)
+MAKINGS = Makings(measures=is_measuring, operands={"get_inverse_kin": 1, "length": 0})
+"""An inverse is told which solution it is, not where."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,8 +68,6 @@ class Holders:
     routines: Sequence[Function]
     given: dict[Key, set[Key]] = field(default_factory=lambda: defaultdict[Key, set[Key]](set))
     """By datum: data whose value it is given as it is."""
-    made: dict[Key, set[Key]] = field(default_factory=lambda: defaultdict[Key, set[Key]](set))
-    """The same, and data of which its value is computed."""
     read: set[Key] = field(default_factory=set[Key])
     """Data that are read for something else than a motion's target."""
     of_literal: dict[Numbers, Key] = field(default_factory=dict[Numbers, Key])
@@ -104,46 +76,63 @@ class Holders:
     """Data of which numbers are computed that stand in brackets."""
 
     def __post_init__(self) -> None:
-        for routine, line in lines_of(self.routines):
-            for key, value in given_in(routine, line):
+        for routine in self.routines:
+            for _, key, value in values_in(routine):
                 self._to(value, key)
-            match line:
-                case Assign():
-                    for index in (one for one in expressions(line) if one is not line.value):
-                        self._to(index, None, kept=False)
-                        self.read.add(line.target.key)
-                case MotionCall():
-                    for one in line.points:
-                        self._to(one, None)
-                    for one in line.given.values():
-                        if one not in line.points:
-                            self._to(one, None, kept=False)
-                case Do():
-                    for one in () if line.routines else line.arguments:
+            for line in routine.lines:
+                self._read_by(line)
+
+    def _read_by(self, line: Line) -> None:
+        """What a line reads and gives to no datum."""
+        match line:
+            case Assign():
+                for index in (one for one in expressions(line) if one is not line.value):
+                    self._to(index, None, kept=False)
+                    self.read.add(line.target.key)
+            case MotionCall():
+                for one in line.points:
+                    self._to(one, None)
+                for one in line.given.values():
+                    if one not in line.points:
                         self._to(one, None, kept=False)
-                case Return():
-                    pass
-                case _:
-                    for one in expressions(line):
-                        self._to(one, None, kept=not isinstance(one, Op))
+            case Do():
+                for one in () if line.routines else line.arguments:
+                    self._to(one, None, kept=False)
+            case Return():
+                pass
+            case _:
+                for one in expressions(line):
+                    self._to(one, None, kept=not isinstance(one, Op))
 
     @cached_property
     def read_at_last(self) -> set[Key]:
         """Data whose value is read for something else, there or where it is given to."""
         return flow.reached(self.read, lambda key: self.given.get(key, ()))
 
+    @cached_property
+    def _gifts(self) -> Sequence[Gift]:
+        return tuple(MAKINGS.gifts(self.routines))
+
+    @cached_property
+    def _measured(self) -> Set[Key]:
+        return {MEASURED, *measured(self._gifts)}
+
     def is_measured(self, expression: Expression) -> bool:
         """Whether an expression may be made of where the robot stood."""
-        return _MEASURED in self._made_of(made_of(expression))
+        return not self._measured.isdisjoint(MAKINGS.of(expression))
+
+    @cached_property
+    def _made(self) -> Mapping[Key, Set[Key]]:
+        """By datum: data of which its value is made."""
+        found = defaultdict[Key, set[Key]](set)
+        for gift in self._gifts:
+            found[gift.to] |= gift.of
+        return found
 
     def numbers_of(self, keys: Iterable[Key]) -> set[Numbers]:
         """Numbers in brackets of which some data may be made."""
-        seen = self._made_of(keys)
+        seen = flow.reached(keys, lambda key: self._made.get(key, ()))
         return {literal for literal, key in self.of_literal.items() if key in seen}
-
-    def _made_of(self, keys: Iterable[Key]) -> set[Key]:
-        """Data of whose values some may be made."""
-        return flow.reached(keys, lambda key: self.made.get(key, ()))
 
     def _to(self, expression: Expression, target: Key, *, kept: bool = True) -> None:
         """Follow an expression to a datum, or to a motion or nothing (None); it may not be kept as it is."""
@@ -161,8 +150,6 @@ class Holders:
             case Op(sign="length"):
                 pass
             case Op():
-                if is_measuring(expression):
-                    self._named(_MEASURED, target, kept=kept)
                 for number, operand in enumerate(expression.operands):
                     chooses = expression.sign == "get_inverse_kin" and number  # which solution it is, not where it is
                     own = kept and _KEPT.get(expression.sign) == number
@@ -175,7 +162,7 @@ class Holders:
 
     def _record(self, expression: Rec, target: Key, *, kept: bool) -> None:
         if expression.kind != "struct":
-            self.items[expression.at[:2]] = set(made_of(expression))
+            self.items[expression.at[:2]] = set(MAKINGS.of(expression))
             if target is not None and kept:
                 self.of_literal[expression.at[:2]] = target
         for item in expression.parts.values():
@@ -194,33 +181,8 @@ class Holders:
     def _named(self, key: Key, target: Key, *, kept: bool) -> None:
         if not kept:
             self.read.add(key)
-        if target is not None:
-            self.made[target].add(key)
-            if kept:
-                self.given[target].add(key)
-
-
-def made_of(expression: Expression) -> Iterator[Key]:
-    """Data of which a value is made, without those that only choose among solutions."""
-    match expression:
-        case Op():
-            if is_measuring(expression):
-                yield _MEASURED
-            inner: Iterable[Expression] = (
-                expression.operands[:1] if expression.sign == "get_inverse_kin" else expression.operands
-            )
-        case Rec():
-            inner = expression.parts.values()
-        case Ask():
-            yield from map(returned, expression.routines)
-            inner = expression.arguments
-        case Ref():
-            yield expression.key
-            inner = [one for one in inside(expression) if one is not expression]
-        case _:
-            return
-    for one in inner:
-        yield from made_of(one)
+        elif target is not None:
+            self.given[target].add(key)
 
 
 # The functions as text.
@@ -401,8 +363,8 @@ class Kinds(NamedTuple):
 def _kinds(holders: Holders) -> Kinds:
     kinds, before = Kinds(defaultdict[Key, set[str]](set)), -1
     while before < (before := sum(map(len, kinds.by_key.values()))):
-        for routine, line in lines_of(holders.routines):
-            for key, value in given_in(routine, line):
+        for routine in holders.routines:
+            for line, key, value in values_in(routine):
                 found = kinds.of(value)
                 is_element = isinstance(line, Assign) and value is line.value and line.target.path
                 kinds.by_key[key] |= {f"{kind}{_LIST}" for kind in found} if is_element else found

@@ -31,7 +31,7 @@ from robot_programs.core.sharing import SharingProgram, Spelling, Use
 from robot_programs.core.source import FreshNames, Source, TextEdit, numeral, renumbered
 from robot_programs.core.values import Origin
 from robot_programs.core.written_out import Repeated, Turns
-from robot_programs.urscript.helper import Holders, made_of, with_function, wrap
+from robot_programs.urscript.helper import MAKINGS, Holders, with_function, wrap
 from robot_programs.urscript.lower import Function, LoweredUrscript, MotionCall
 from robot_programs.urscript.meaning import UrscriptSite, WrittenTarget, slot_of
 from robot_programs.urscript.syntax import REST_OF_LINE, WORD
@@ -160,10 +160,10 @@ class UrscriptProgram(SharingProgram):
     def visits(self) -> Iterable[TargetVisit]:
         """Motions whose targets are, or are computed of, numbers that variables hold; see `Program.visits`."""
         holders = self.holders
-        named = {key for site in self.sites for point in site.points for key in made_of(point.slot)}
+        named = {key for site in self.sites for point in site.points for key in MAKINGS.of(point.slot)}
         for number, (site, move) in enumerate(zip(self.sites, self.motions, strict=True)):
             for point in site.points:
-                keys = set(made_of(point.slot))
+                keys = set(MAKINGS.of(point.slot))
                 if point.literal is not None:
                     stated = point.literal.at[:2]
                     keys = set(holders.items.get(stated, ()))
@@ -174,7 +174,7 @@ class UrscriptProgram(SharingProgram):
                 for target in holders.numbers_of(keys):
                     yield TargetVisit(number=number, target=target, place=move.place)
         for line in self.failing:
-            keys = {key for argument in line.points for key in made_of(slot_of(argument)[0])}
+            keys = {key for argument in line.points for key in MAKINGS.of(slot_of(argument)[0])}
             for target in holders.numbers_of(keys):
                 yield TargetVisit(number=None, target=target, place=self.sources[line.at[0]].place(line.at[1]))
 
@@ -211,10 +211,7 @@ def _is_plain(condition: Expression) -> bool:
 
 def _is_left(nodes: flow.Block) -> bool:
     """Whether ``break`` or ``continue`` stands in a loop, or in loops in it."""
-    return any(
-        (isinstance(node, flow.Leave) and node.way in ("exit", "jump")) or any(map(_is_left, flow.bodies_of(node)))
-        for node in nodes
-    )
+    return any(isinstance(node, flow.Leave) and node.way in ("exit", "jump") for node in flow.nodes_in(nodes))
 
 
 def _wanted(site: UrscriptSite, waypoint: Waypoint) -> Iterator[Six]:

@@ -17,7 +17,6 @@ from robot_programs.krl.syntax import (
     Declaration,
     End,
     MotionLine,
-    joined,
     lines_of_words,
     parse,
     value_of,
@@ -94,11 +93,12 @@ def test_a_motion_with_all_it_can_say():
     ("angle", "words"), [("", []), (",CA 270", ["270"]), (", ca=-2*(N)", ["-", "2", "*", "(", "N", ")"])]
 )
 def test_an_arc_has_two_points(angle, words):
-    line = only(f"CIRC {{X 1,Y 2,Z 3}},XP[2]{angle} C_DIS C_ORI")
+    text = f"CIRC {{X 1,Y 2,Z 3}},XP[2]{angle} C_DIS C_ORI"
+    line = only(text)
     assert isinstance(line, MotionLine)
     assert [word.text for word in line.angle] == words
     assert not line.trouble
-    assert [joined(o.words) for o in line.operands] == ["{X1,Y2,Z3}", "XP[2]"]
+    assert [text[o.start : o.end] for o in line.operands] == ["{X 1,Y 2,Z 3}", "XP[2]"]
     assert line.passing == ("C_DIS", "C_ORI")
 
 
