@@ -130,7 +130,15 @@ def contents(project: Project) -> Mapping[str, str]:
     with suppress(OSError, TaskcalError):
         robot = robot_of(project).digest
     controller = (_digest(project, choices.kinematics), choices.nominal_controller)
-    cell = (_digest(project, choices.cell), choices.tool, choices.part, choices.helper, *controller)
+    bounds = choices.options.get("correct", {})
+    cell = (
+        _digest(project, choices.cell),
+        choices.tool,
+        choices.part,
+        choices.helper,
+        *controller,
+        *sorted(bounds.items()),
+    )
     return {
         "camera": "",
         **found,

@@ -8,6 +8,7 @@ from typing import Any
 from typer.main import get_command
 
 from taskcal.cli.app import app
+from taskcal.correction.options import Bounds
 from taskcal.identification.options import EffectSearch, FitOptions, GeometryOptions, Holdout
 from taskcal.live.options import Driving, RowOptions
 from taskcal.observations.pixels import PixelInstrument
@@ -21,6 +22,7 @@ GROUPS: Mapping[str, tuple[type, ...]] = {
     "convert": (TableForm, ReadOptions),
     "plan": (PlannedPoses, PlanOptions, Mounting, PixelInstrument),
     "measure": (RowOptions, Driving),
+    "correct": (Bounds,),
 }
 """Options of each command."""
 
@@ -29,10 +31,11 @@ BEGUN: Mapping[str, Mapping[str, str]] = {
     "convert": {},
     "plan": {"count": "60", "seed": "0"},
     "measure": {},
+    "correct": {},
 }
 """That a page begins with, where that is not what the options begin with."""
 
-KEPT = ("identify", "plan", "measure")
+KEPT = ("identify", "plan", "measure", "correct")
 """Commands whose options a project keeps; those of others are of one file, and go with the page."""
 
 OF_TRACKER = ("kept-out", "stations")
@@ -96,6 +99,20 @@ NO_FIELDS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             *("distances", "wire-scale", "board", "camera"),
         ),
         "of slow networks; the usual limit is taken": ("timeout-s",),
+    },
+    "correct": {
+        _HANDED_ON: (
+            *("programs", "calibration", "output", "cell", "tool", "part", "missing", "task", "report", "json"),
+            *("controller-kinematics", "nominal-controller", "helper", "all-rows"),
+        ),
+        _TRUSTED: ("unsealed", "force"),
+        "confirmed for each correction anew": ("accept-uncertain",),
+        "the page always writes what can be written": ("dry-run",),
+        "a program is dropped as it was before a correction": ("again",),
+        "joint positions are corrected with the rest": ("keep-joints",),
+        "the page of reports has the head; its files are for other programs": (
+            *("header", "figures", "figure-format"),
+        ),
     },
 }
 """Options and arguments of the command that its form lacks, by the reason."""

@@ -10,6 +10,7 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from taskcal.errors import TaskcalError
 from taskcal.io.files import write_all, write_whole
+from taskcal_groundwork.said import term
 from taskcal_studio.controls import button, choice, command_line, drop_zone, message, set_attribute, text
 from taskcal_studio.files import KINDS
 from taskcal_studio.project import LAYOUT, Project
@@ -156,8 +157,15 @@ def show_run(
     if run.status is Status.cancelled:
         message(texts("run.cancelled"), fine=True)
     for said in run.messages:
-        message(said.removeprefix("error: "), fine=not said.startswith("error: "))
+        message(_in_language(said.removeprefix("error: "), texts), fine=not said.startswith("error: "))
     return run
+
+
+def _in_language(said: str, texts: Texts) -> str:
+    """A message in the page's language, as far as the catalogue has it: whole, or behind the file that it is of."""
+    file, colon, of_it = said.partition(": ")
+    whole = texts.said(term(said))
+    return f"{file}{colon}{texts.said(term(of_it))}" if whole == said and colon and " " not in file else whole
 
 
 def is_running(run: CommandRun | None) -> bool:

@@ -15,11 +15,17 @@ from taskcal_studio.views import figure
 
 COLOURS = {"met": "good", "not met": "bad", "not known": "quiet"}
 
-PAGES = {"geometry": "plan", "model error": "identify", "tool": "program", "part": "program", LEFT: "program"}
-"""Where each source is lowered."""
+AROUND, BOUNDS = "around", "bounds"
+"""Parts of the program's page, on tools and parts, and on the bounds of a correction, as links have them."""
 
-AROUND = "around"
-"""The part of the program's page on tools and parts, as a link has it."""
+PAGES = {
+    "geometry": ("plan.title", "/plan"),
+    "model error": ("identify.title", "/identify"),
+    "tool": ("program.around", f"/program#{AROUND}"),
+    "part": ("program.around", f"/program#{AROUND}"),
+    LEFT: ("program.bounds", f"/program#{BOUNDS}"),
+}
+"""Text and address of where each source is lowered."""
 
 
 def latest(judged: Mapping[str, Any], project: Project) -> Mapping[str, Any]:
@@ -39,12 +45,7 @@ def show_verdict(verdict: Mapping[str, Any], texts: Texts) -> None:
 
     Decisions have no colour where one was overridden.
     """
-    links = {
-        source: (texts("program.around"), f"/{page}#{AROUND}")
-        if page == "program"
-        else (texts(f"{page}.title"), f"/{page}")
-        for source, page in PAGES.items()
-    }
+    links = {source: (texts(label), address) for source, (label, address) in PAGES.items()}
     section, last = verdict_section(verdict), next_source(verdict)
     colours = {} if verdict["override"] else COLOURS
     subject, decision = (texts.said(term(last[key])) for key in ("subject", "decision"))

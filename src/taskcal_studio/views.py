@@ -106,7 +106,9 @@ class CellView:
         seen += outline(workspace) if workspace is not None else []
         if robot is not None:
             skeleton = trace_skeleton(robot, q[spread_rows(len(q), MAX_FITTED)])
-            seen += [link.reshape(-1, 3) for link in (*skeleton.links, *skeleton.loop)] + [np.zeros((1, 3))]
+            lines = np.concatenate([link.reshape(-1, 3) for link in (*skeleton.links, *skeleton.loop)])
+            thick = 1e-3 * max(robot_look(robot)["links"], default=0.0) * np.eye(3)
+            seen += [*(lines + side for side in (*thick, *-thick)), np.zeros((1, 3))]
             near = np.linalg.norm(instruments, axis=1) <= MAX_INSTRUMENT * robot.reach
             seen.append(instruments[near])
         self._seen = np.concatenate(seen)

@@ -17,6 +17,7 @@ import taskcal.live
 import taskcal_devices
 import taskcal_groundwork.options
 import taskcal_studio
+from robot_programs.core.source import Place
 from taskcal.cli.commands import measure
 from taskcal.correction.correction import REMEDIES
 from taskcal.correction.verdict import OWN_TOOL, RULE, Decision, Subject, Why
@@ -35,6 +36,7 @@ from taskcal.report import calibration as calibration_report
 from taskcal.report import camera, content, correction, plan, verdict
 from taskcal.report.calibration import calibration_sections, say_option
 from taskcal.report.content import Bullets, Chart, Facts, Numbers, Section, Text, TextTable, moment
+from taskcal.report.correction import group_remarks
 from taskcal.report.page import ReportHeader
 from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
@@ -75,13 +77,27 @@ SHOWN = tuple(str(module.__file__) for module in (verdict, calibration_report, c
 OF_SHOWN = tuple(
     f"{Path(taskcal.__file__).parent}/{name}.py"
     for name in (
-        *(f"correction/{part}" for part in ("cell", "controller", "correct", "frames", "verdict")),
-        *("identification/checks/checks", "identification/measured_range"),
+        *(f"correction/{part}" for part in ("cell", "controller", "correct", "correction", "frames", "verdict")),
+        *(f"identification/checks/{part}" for part in ("checks", "course", "digits")),
+        *(f"identification/{part}" for part in ("calibration", "effects", "identify", "measured_range", "sibling")),
+        *("identification/uncertainty_budget", "kinematics/inverse", "kinematics/tracing", "registration/length_scale"),
+        *("campaigns/drift", "robot/robot", *(f"robot/effects/{part}" for part in ("base", "drives", "gears"))),
+        *("cli/commands/correct", "cli/commands/identify", "cli/options/common"),
         *(f"observations/{part}" for part in ("distance", "instrument", "landmark", "pixels", "point", "socket")),
         "report/sensitivity",
+        "report/diagnosis",
     )
 )
 """Modules that say something of these sections, among else."""
+REMARKING = tuple(
+    f"{Path(taskcal.__file__).parent}/{name}.py"
+    for name in (
+        *(f"identification/checks/{part}" for part in ("checks", "course", "digits")),
+        *(f"identification/{part}" for part in ("effects", "measured_range", "sibling")),
+        *("campaigns/drift", "correction/correct", "kinematics/tracing", "registration/length_scale"),
+    )
+)
+"""Modules whose remarks and reasons pages show."""
 OF_REPORTS_ALONE = {
     "analyses that only reports have": {
         "residual_analysis_section",
@@ -92,7 +108,10 @@ OF_REPORTS_ALONE = {
     "heads of pages that are printed": {"calibration_page", "correction_page", "plan_page"},
     "figures that only reports have": {"draw_errors", "draw_program", "plan_scene"},
     "terminals, which are English": {"_without_spare", "camera_facts", "_known_to"},
-    "refusals, and keys of files": {"_seen", "describe_camera"},
+    "refusals, and keys of files": {
+        *("_describe_motion", "_seen", "describe_camera", "other_joints", "correct", "find_correction"),
+    },
+    "programmers": {"Explanation"},
 }
 """Functions of these modules whose words no page shows, by the reason."""
 OF_VERDICTS = {*Why.__args__, *Subject.__args__, *Decision.__args__, *REMEDIES, *REMEDIES.values(), RULE, OWN_TOOL}
@@ -211,7 +230,9 @@ def composed_in(source: str) -> Iterator[tuple[str, str]]:
 def test_no_sentence_that_a_page_shows_is_composed() -> None:
     """One would stay English in the midst of another language; what a report's page or a terminal has alone may be."""
     own = {name for names in OF_REPORTS_ALONE.values() for name in names}
-    found = {name: text for path in SHOWN for name, text in composed_in(Path(path).read_text(encoding="utf-8"))}
+    found = {
+        name: text for path in SHOWN + REMARKING for name, text in composed_in(Path(path).read_text(encoding="utf-8"))
+    }
     assert {name: text for name, text in found.items() if name not in own} == {}
     assert own == found.keys()
     example = 'def f(x): return f"{x} of them"\ndef g(x): raise E(f"no {x} there")'
@@ -306,5 +327,13 @@ def test_a_sentence_that_was_stored_is_said_in_the_page_s_language() -> None:
         "von 0,3 mm: Vergleichen",
     ):
         assert part in said
+    rejected = (
+        "would move a joint by 41.8°, and 5° are allowed (--max-joint-deg); near a singular posture a small correction swings "
+        "the joints"
+    )
+    (line,) = group_remarks([(Place(path=Path("part.ls"), line=7), rejected)])
+    assert texts.said(line).startswith(
+        "part.ls:7: bewegte ein Gelenk um 41,8°, und 5° sind erlaubt (--max-joint-deg); nahe einer"
+    )
     assert texts.said(term("a sentence of tomorrow, 3.5 mm")) == "a sentence of tomorrow, 3.5 mm"
     assert texts.said(moment("2026-11-30T13:34:53+00:00")) == "30.11.2026, 13:34 UTC"

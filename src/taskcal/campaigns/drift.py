@@ -13,6 +13,7 @@ from taskcal.errors import listed
 from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 # How the reference points beside a robot moved together from row to row.
 
@@ -305,13 +306,20 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     motion = observe_reference_points(campaign.reference_points)
     observed = ~np.isnan(motion.values[:, 0])
     if observed.sum() < MIN_DRIFT_ROWS:
-        remark = f"the reference points tell their motion in {observed.sum()} rows, too few to follow it; it takes {MIN_DRIFT_ROWS}"
+        remark = Said(
+            "the reference points tell their motion in {count} rows, too few to follow it; it takes {least}",
+            count=int(observed.sum()),
+            least=MIN_DRIFT_ROWS,
+        )
         return Drift(campaign=campaign, followed=False, largest=0.0, noise=0.0, probability=1.0, remarks=(remark,))
     deviation, probability = _proof(motion, observed)
     remarks = _misplaced(campaign, motion)
     if probability > SIGNIFICANCE:
         remarks += (
-            f"the reference points moved no more than their noise ({deviation * 1e3:.4f} mm) and were not followed",
+            Said(
+                "the reference points moved no more than their noise ({noise:.4f} mm) and were not followed",
+                noise=deviation * 1e3,
+            ),
         )
         return Drift(
             campaign=campaign, followed=False, largest=0.0, noise=deviation, probability=probability, remarks=remarks
@@ -326,14 +334,18 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     centred = np.stack([np.nanmedian(points, axis=0) for points in moved.values()])
     largest = float(np.linalg.norm(se3.apply(T[:, None], centred[None]) - centred, axis=2).max())
     remarks += (
-        f"the reference points moved by up to {largest * 1e3:.3f} mm (their noise: {deviation * 1e3:.4f} mm) and were compensated: "
-        "the calibration holds in the frame of their mean places",
+        Said(
+            "the reference points moved by up to {largest:.3f} mm (their noise: {noise:.4f} mm) and were compensated: the "
+            "calibration holds in the frame of their mean places",
+            largest=largest * 1e3,
+            noise=deviation * 1e3,
+        ),
     )
     if not motion.rigid:
-        why = (
-            "fewer than three reference points" if len(campaign.reference_points) < 3 else "reference points on a line"
-        )
-        remarks += (f"{why}: their translation was followed, not their rotation",)
+        why = Said("reference points on a line")
+        if len(campaign.reference_points) < 3:
+            why = Said("fewer than three reference points")
+        remarks += (Said("{why}: their translation was followed, not their rotation", why=why),)
     followed = replace(
         campaign,
         points=_back(T, campaign.points),
@@ -359,7 +371,7 @@ def _by_station(campaign: Campaign, stations: Stations, noise: TrackerNoise | No
         own = {one: seen for one, seen in part.reference_points.items() if not np.isnan(seen).all()}
         one = compensate_drift(replace(part, reference_points=own, uncertainty=stated[rows]), noise)
         found.append(one)
-        remarks += [f"station {name}: {remark}" for remark in one.remarks]
+        remarks += [Said("station {name}: {remark}", name=name, remark=remark) for remark in one.remarks]
         points[rows], stated[rows] = one.campaign.points, np.asarray(one.campaign.uncertainty)
         if rotations is not None:
             rotations[rows] = np.asarray(one.campaign.rotations)
@@ -402,7 +414,12 @@ def _misplaced(campaign: Campaign, motion: ReferenceMotion) -> tuple[str, ...]:
         if len(rows):
             named = listed((campaign.ids[i] for i in rows), MAX_NAMED_ROWS)
             out.append(
-                f"reference point {name} does not fit the others in {len(rows)} rows (id {named}): rejected there"
+                Said(
+                    "reference point {name} does not fit the others in {count} rows (id {named}): rejected there",
+                    name=name,
+                    count=len(rows),
+                    named=named,
+                )
             )
     return tuple(out)
 

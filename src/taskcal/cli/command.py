@@ -169,9 +169,9 @@ def argument(default: Any, metavar: str, help: str, **declared: Any) -> Any:
     return option(default, metavar, help, argument=True, **declared)
 
 
-def output_option(default: Any, metavar: str, help: str, **declared: Any) -> Any:
+def output_option(default: Any, metavar: str, help: str, *, writes: str = "new", **declared: Any) -> Any:
     """Declare ``--output``, the file that a command is called for, like `option`."""
-    return option(default, metavar, help, also="-o", writes="new", **declared)
+    return option(default, metavar, help, also="-o", writes=writes, **declared)
 
 
 _OWN = {one.name for one in fields(Option)} - {"more"}

@@ -16,7 +16,7 @@ from taskcal.errors import FileError, ReachError, TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import ANY_MISS, conditioning, find_postures, freedom_of, solve_near
 from taskcal.kinematics.spin import about_z, choose_spin
-from taskcal.kinematics.tracing import NOT_TURNED, Outcome, Traced, rejections, trace, turned
+from taskcal.kinematics.tracing import NOT_TURNED, Outcome, Traced, not_turned, rejections, trace, turned
 from taskcal.robot.catalogue import catalogue_names, describe_robot, load_robot
 from taskcal.robot.conditions import MAX_REST_MOTION, Conditions, drive_motion
 from taskcal.robot.error_model import ErrorModel
@@ -128,11 +128,13 @@ def ask_for_controller(language: Language, robot: Robot, cell: Cell, controller:
     """What to state where a language's controllers have kinematics of their own, and nothing says with which one computes."""
     if not language.controller_kinematics or controller is not None or cell.controller:
         return ""
-    return (
-        f"a controller of {language.name} computes with the kinematics that the factory measured of its own arm, often millimetres "
-        f"from nominal ones; name them (--controller-kinematics FILE: {language.controller_kinematics}), or state that it computes "
-        f'with the dimensions of {robot.name} in the calibration (--nominal-controller, or [robot] controller = "nominal" in the '
-        "cell file)"
+    return Said(
+        "a controller of {language} computes with the kinematics that the factory measured of its own arm, often millimetres from "
+        "nominal ones; name them (--controller-kinematics FILE: {files}), or state that it computes with the dimensions of {robot} "
+        'in the calibration (--nominal-controller, or [robot] controller = "nominal" in the cell file)',
+        language=language.name,
+        files=language.controller_kinematics,
+        robot=robot.name,
     )
 
 
@@ -239,7 +241,7 @@ CORNER_SAMPLE_SHARE = 0.5
 MAX_STEP_M, MAX_STEP_RAD = 0.02, np.radians(5.0)
 """Segments are followed in steps not longer than this, metres and radians."""
 
-CORNER_LOST = (
+CORNER_LOST = Said(
     "rounds a corner where the robot does not reach it inside its joint limits; it is taken to meet its target"
 )
 
@@ -315,10 +317,12 @@ CorrectsIn = Callable[[int, Float[np.ndarray, "k joints"]], Float[np.ndarray, "k
 ALIKE_M, ALIKE_ARM_M = 2e-5, 0.1
 """Corrected poses are alike whose points, on the tool's tip and so far from it, differ by less: as paths do between targets."""
 
-STATE_IT = "state it (URScript: qnear; KRL: S and T), or go to joint positions right before it"
+STATE_IT = Said("state it (URScript: qnear; KRL: S and T), or go to joint positions right before it")
 UNKNOWN_POSTURE = "the text does not tell in which posture the robot reaches it"
-UNKNOWN_BEGINNING = (
-    f"{UNKNOWN_POSTURE}: it begins in several places, from which it is reached in different ones; {STATE_IT}"
+UNKNOWN_BEGINNING = Said(
+    "the text does not tell in which posture the robot reaches it: it begins in several places, from which it is reached in "
+    "different ones; {state}",
+    state=STATE_IT,
 )
 
 
@@ -333,8 +337,11 @@ reach from where the robot was last are taken to be out of reach, too."""
 FEW_STEPS = 10
 """Of Newton's; from a seed near by four are enough."""
 
-UNREACHABLE = "is out of reach, or reached outside the joint limits only"
-UNSOUGHT = f"is not reached from the posture before, and was not looked for in others, as {MAX_IN_VAIN} such searches were in vain"
+UNREACHABLE = Said("is out of reach, or reached outside the joint limits only")
+UNSOUGHT = Said(
+    "is not reached from the posture before, and was not looked for in others, as {count} such searches were in vain",
+    count=MAX_IN_VAIN,
+)
 
 
 class _Simulation:
@@ -500,7 +507,8 @@ class _Simulation:
                 continue
             if len(move.end.q) != len(self.robot.joints):
                 count = len(self.robot.joints)
-                self.rejected[i] = f"has {len(move.end.q)} joint positions; {self.robot.name} has {count} joints"
+                said = {"positions": len(move.end.q), "robot": self.robot.name, "count": count}
+                self.rejected[i] = Said("has {positions} joint positions; {robot} has {count} joints", **said)
                 continue
             outside = self.robot.outside_limits(move.end.q[None])
             if outside:
@@ -561,7 +569,8 @@ class _Simulation:
             self.last = self.end[first + whole - 1]
             self._compare_postures(range(first, first + whole))
         if end < len(reached):
-            reason = f"{dict(rejections(self.robot, traced))[end]}, {share[end]:.0%} of the way there"
+            why = dict(rejections(self.robot, traced))[end]
+            reason = Said("{why}, {share:.0%} of the way there", why=why, share=share[end])
             if traced.outcome[end] == Outcome.OUT_OF_REACH:
                 self._reject_as_lost(first + whole, reason)
             else:
@@ -618,7 +627,13 @@ class _Simulation:
         move, stated = self.motions[i], self.motions[i].end.posture is not None
         if not stated and move.follows in self.untold:
             before = self.motions[move.follows].place.line
-            self._reject_as_untold(i, f", as that of the motion before it, in line {before}, is not known; {STATE_IT}")
+            why = Said(
+                "the text does not tell in which posture the robot reaches it, as that of the motion before it, in line {line}, is "
+                "not known; {state}",
+                line=before,
+                state=STATE_IT,
+            )
+            self._reject_as_untold(i, why)
             return
         agreeing = self._agreeing(i, T)
         if not len(agreeing):
@@ -636,13 +651,20 @@ class _Simulation:
         apart = _distances(corrects(i, agreeing))
         middle = int(np.argmin(apart.max(axis=1)))
         if freedom_of(self.model).rank < len(self.robot.joints) or not apart[middle].max() < ALIKE_M:
-            unlike = f": the corrections of those possible differ by up to {apart.max() * 1e3:.3g} mm"
-            self._reject_as_untold(i, f"{unlike if np.isfinite(apart).all() else ''}; {STATE_IT}")
+            why = Said("the text does not tell in which posture the robot reaches it; {state}", state=STATE_IT)
+            if np.isfinite(apart).all():
+                why = Said(
+                    "the text does not tell in which posture the robot reaches it: the corrections of those possible differ by up "
+                    "to {apart:.3g} mm; {state}",
+                    apart=apart.max() * 1e3,
+                    state=STATE_IT,
+                )
+            self._reject_as_untold(i, why)
             return
         self.end[i], self.open[i] = agreeing[middle], agreeing[int(np.argmax(apart[middle]))]
 
     def _reject_as_untold(self, i: int, why: str) -> None:
-        self.rejected[i] = f"{UNKNOWN_POSTURE}{why}"
+        self.rejected[i] = why
         self.untold.add(i)
 
     def _from_others(self, i: int, postures: Float[np.ndarray, "k joints"]) -> Float[np.ndarray, " joints"] | None:
@@ -704,7 +726,7 @@ class _Simulation:
         except ReachError:
             return UNREACHABLE
         left = np.degrees(np.linalg.norm(se3.log(R @ T[:3, :3].T), axis=1).min())
-        return f"{NOT_TURNED}: the nearest posture leaves {left:.3g}°, as {freedom}"
+        return not_turned(left, freedom)
 
     @cached_property
     def _within_reach(self) -> Bool[np.ndarray, " m"]:
@@ -719,19 +741,27 @@ class _Simulation:
     def _take_nearest(self, i: int, postures: Float[np.ndarray, "n joints"]) -> None:
         """Take the posture nearest to a stated one that is not reached, where the controller does so."""
         end = self.motions[i].end
-        stated = f"states the posture {end.posture}, in which the robot does not reach it inside its joint limits"
+        stated = Said(
+            "states the posture {posture}, in which the robot does not reach it inside its joint limits",
+            posture=str(end.posture),
+        )
         if not isinstance(end.posture, GradedPosture):
-            self.rejected[i] = f"{stated}; it does so in other postures only"
+            self.rejected[i] = Said("{stated}; it does so in other postures only", stated=stated)
             return
         miss = end.posture.miss(self.robot, postures)
         nearest = int(np.argmin(miss))
         joints = ", ".join(f"{angle:.1f}" for angle in np.degrees(postures[nearest]))
-        text = f"{stated}; the nearest is at joints [{joints}]°, {np.degrees(miss[nearest]):.0f}° from it"
+        text = Said(
+            "{stated}; the nearest is at joints [{joints}]°, {off:.0f}° from it",
+            stated=stated,
+            joints=joints,
+            off=np.degrees(miss[nearest]),
+        )
         if end.posture_binds and miss[nearest] > end.posture.tolerated:
             self.rejected[i] = text
         else:
             self.end[i] = postures[nearest]
-            self.warnings[i] = f"{text}, and is taken"
+            self.warnings[i] = Said("{nearest}, and is taken", nearest=text)
 
     def _compare_postures(self, motions: Iterable[int]) -> None:
         """Warn of lines and arcs that lead to their ends in other postures than these state."""
@@ -742,7 +772,9 @@ class _Simulation:
                 stated.setdefault(posture, []).append(i)
         for posture, rows in stated.items():
             for i in np.array(rows)[~posture.agrees(self.robot, self.end[rows])]:
-                self.warnings[int(i)] = f"says posture {posture}, but the path leads there in another"
+                self.warnings[int(i)] = Said(
+                    "says posture {posture}, but the path leads there in another", posture=str(posture)
+                )
 
 
 SAME_JOINTS_DIGITS, SAME_JOINTS_RAD = 6, 1e-5

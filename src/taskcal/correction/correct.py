@@ -50,7 +50,7 @@ from taskcal.kinematics.inverse import closes, conditioning
 from taskcal.kinematics.tracing import MIN_SINGULAR_RATIO
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
-from taskcal_groundwork.said import Said
+from taskcal_groundwork.said import Said, joined, term
 
 # How far a correction moves the targets of a program.
 
@@ -103,43 +103,44 @@ def find_rejections(
         if i in reasons:
             continue
         if changes.shift[i] > bounds.shift:
-            reasons[int(i)] = (
-                f"would move by {changes.shift[i] * 1e3:.2f} mm, and {bounds.shift * 1e3:g} mm are allowed; look at where "
-                "the cell file has its tool and part, or widen the bound (--max-shift-mm) if that is right"
+            reasons[int(i)] = Said(
+                "would move by {moved:.2f} mm, and {most:g} mm are allowed; look at where the cell file has its tool and part, or "
+                "widen the bound (--max-shift-mm) if that is right",
+                moved=changes.shift[i] * 1e3,
+                most=bounds.shift * 1e3,
             )
         elif changes.turn[i] > bounds.turn:
-            reasons[int(i)] = (
-                f"would turn by {np.degrees(changes.turn[i]):.2f}°, and {np.degrees(bounds.turn):g}° are allowed; widen the bound "
-                "(--max-turn-deg) if that is right"
+            reasons[int(i)] = Said(
+                "would turn by {turned:.2f}°, and {most:g}° are allowed; widen the bound (--max-turn-deg) if that is right",
+                turned=np.degrees(changes.turn[i]),
+                most=np.degrees(bounds.turn),
             )
         elif changes.joint[i] > bounds.joint:
-            reasons[int(i)] = (
-                f"would move a joint by {np.degrees(changes.joint[i]):.1f}°, and {np.degrees(bounds.joint):g}° are allowed "
-                f"(--max-joint-deg){_why_joints_swing(robot, nodes.q[np.searchsorted(nodes.move, i, side='right') - 1])}"
+            q = nodes.q[np.searchsorted(nodes.move, i, side="right") - 1]
+            said = {"moved": float(np.degrees(changes.joint[i])), "most": float(np.degrees(bounds.joint))}
+            reasons[int(i)] = Said(
+                "would move a joint by {moved:.1f}°, and {most:g}° are allowed (--max-joint-deg)", **said
             )
+            if conditioning(ErrorModel(robot), q[None])[0] <= MAX_SWINGING_RATIO:
+                reasons[int(i)] = Said(
+                    "{reason}; near a singular posture a small correction swings the joints", reason=reasons[int(i)]
+                )
         elif not np.isfinite(subdivision.deviation[i]):
-            reasons[int(i)] = (
+            reasons[int(i)] = Said(
                 "the nominal robot cannot follow the corrected path; it passes too near to a singular posture"
             )
     return reasons
-
-
-def _why_joints_swing(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
-    """Reason for a large motion of a joint by a small correction; empty away from singular postures."""
-    if conditioning(ErrorModel(robot), q[None])[0] > MAX_SWINGING_RATIO:
-        return ""
-    return "; near a singular posture a small correction swings the joints"
 
 
 def _why_unreached(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:
     """Why the calibrated robot does not reach a node, by the joint positions nearest to it that were found."""
     outside = robot.outside_limits(q[None])
     if outside:
-        return f"the calibrated robot reaches it outside its limits only: {outside[0][1]}"
+        return Said("the calibrated robot reaches it outside its limits only: {limit}", limit=outside[0][1])
     model = ErrorModel(robot)
     if not closes(model, q[None])[0] or conditioning(model, q[None])[0] > MIN_SINGULAR_RATIO:
-        return "is out of the calibrated robot's reach in this posture"
-    return "lies at a singular posture, where the calibrated robot does not reach it"
+        return Said("is out of the calibrated robot's reach in this posture")
+    return Said("lies at a singular posture, where the calibrated robot does not reach it")
 
 
 # What is written for the motions that a correction changes.
@@ -182,8 +183,12 @@ def keep_paths(
         if i in left and shift[i] > tolerance:
             stays.setdefault(number[-1], i)
     return {
-        i: f"is of one path with the motion in {motions[stays[path]].place}, which stays as it is, "
-        f"{shift[stays[path]] * 1e3:.3f} mm from where it should be: the tool would step between them"
+        i: Said(
+            "is of one path with the motion in {place}, which stays as it is, {off:.3f} mm from where it should be: the tool would "
+            "step between them",
+            place=str(motions[stays[path]].place),
+            off=shift[stays[path]] * 1e3,
+        )
         for i, path in enumerate(number)
         if path in stays and i in changing
     }
@@ -258,7 +263,7 @@ def diagnose(
     found: list[tuple[int, str]] = sorted(trajectory.warnings.items())
     for k, text in sorted(new_trajectory.rejected.items()):
         if origin[k][0] not in trajectory.rejected:
-            found.append((origin[k][0], f"as corrected, {text}"))
+            found.append((origin[k][0], Said("as corrected, {said}", said=text)))
     for i, move in enumerate(motions):
         why = ""
         if move.kind in ("linear", "circular") and subdivision.pieces[i]:
@@ -266,9 +271,12 @@ def diagnose(
         if why:
             found.append((i, why))
     for i in np.flatnonzero(np.isfinite(subdivision.deviation) & (subdivision.deviation > subdivision.tolerance)):
-        text = f"leaves its path by {subdivision.deviation[i] * 1e3:.3f} mm between corrected targets, however finely it is divided"
+        text = Said(
+            "leaves its path by {off:.3f} mm between corrected targets, however finely it is divided",
+            off=subdivision.deviation[i] * 1e3,
+        )
         if trajectory.corners.after[i] >= 0 or trajectory.corners.before[i] >= 0:
-            text += "; its rounded corners stay clear of further targets"
+            text = Said("{said}; its rounded corners stay clear of further targets", said=text)
         found.append((int(i), text))
     unknown = [
         i
@@ -276,28 +284,40 @@ def diagnose(
         if end == 1.0 and not move.stops and move.zone is None
     ]
     if unknown:
-        others = f", as {len(unknown) - 1} others do" if len(unknown) > 1 else ""
-        text = (
-            f"passes by its target in a corner whose size is not known{others}: assessed as if the tool went through the "
-            "target"
+        text = Said(
+            "passes by its target in a corner whose size is not known: assessed as if the tool went through the target"
         )
+        if len(unknown) > 1:
+            text = Said(
+                "passes by its target in a corner whose size is not known, as {count} others do: assessed as if the tool went "
+                "through the target",
+                count=len(unknown) - 1,
+            )
         found.append((unknown[0], text))
     if motion.nearest_singular is not None and motion.conditioning < MIN_SINGULAR_RATIO:
-        text = (
-            f"passes near a singular posture (ratio {motion.conditioning:.3f}), where small corrections take large joint "
-            "motions"
+        text = Said(
+            "passes near a singular posture (ratio {ratio:.3f}), where small corrections take large joint motions",
+            ratio=motion.conditioning,
         )
         found.append((origin[motion.nearest_singular][0], text))
     if motion.turn_speed_assumed is not None:
-        text = (
-            f"states no reorientation speed; joint speeds are those at {np.degrees(TURN_SPEED_RAD_S):.0f}°/s from here on, "
-            "wherever the path speed would turn the tool faster"
+        text = Said(
+            "states no reorientation speed; joint speeds are those at {speed:.0f}°/s from here on, wherever the path speed would "
+            "turn the tool faster",
+            speed=np.degrees(TURN_SPEED_RAD_S),
         )
         found.append((origin[motion.turn_speed_assumed][0], text))
     for joint, speed, limit in zip(motion.robot.joint_names, motion.speed, motion.robot.speed_limits, strict=True):
         if speed > limit:
             found.append(
-                (0, f"{joint} would have to turn {speed / limit:.2f} times as fast as it can, at the programmed speed")
+                (
+                    0,
+                    Said(
+                        "{joint} would have to turn {times:.2f} times as fast as it can, at the programmed speed",
+                        joint=joint,
+                        times=speed / limit,
+                    ),
+                )
             )
     return (*program.diagnostics, *(Diagnostic(place=motions[i].place, text=text) for i, text in found))
 
@@ -305,11 +325,14 @@ def diagnose(
 def _why_undivided(move: Motion, *, starts: bool) -> str:
     """Why a line or an arc is corrected at its points alone; empty where it is divided."""
     if not starts:
-        return "start point unknown: end points corrected, path between them not checked"
+        return Said("start point unknown: end points corrected, path between them not checked")
     if move.texts_motions > 1:
-        return f"stands for {move.texts_motions} motions, so that it is not divided: corrected at its points alone"
+        return Said(
+            "stands for {count} motions, so that it is not divided: corrected at its points alone",
+            count=move.texts_motions,
+        )
     if not move.divisible:
-        return "does something once along its way, so that it is not divided: corrected at its points alone"
+        return Said("does something once along its way, so that it is not divided: corrected at its points alone")
     return ""
 
 
@@ -334,9 +357,11 @@ def diagnose_new_corners(
     path = RoundedPath(segments=new_trajectory.segments, corners=new_trajectory.corners)
     past = np.linalg.norm((path.at(rows, np.ones(len(rows))) - path.segments.end[rows])[:, :3, 3], axis=1)
     worst = int(np.argmax(past))
-    text = (
-        f"the new program does not stop here, and passes by at {past[worst] * 1e3:.3f} mm, the farthest of {len(rows)} corners; "
-        "where that is too far, let the motion stop"
+    text = Said(
+        "the new program does not stop here, and passes by at {past:.3f} mm, the farthest of {count} corners; where that is too "
+        "far, let the motion stop",
+        past=past[worst] * 1e3,
+        count=len(rows),
     )
     return [Diagnostic(place=program.motions[origin[rows[worst]][0]].place, text=text)]
 
@@ -346,9 +371,12 @@ def diagnose_shared(program: Program, eased: Mapping[int, float], tolerance: flo
     if not eased:
         return []
     worst = max(eased, key=lambda i: eased[i])
-    text = (
-        f"{len(eased)} motions share their numbers, which get the value of the least largest error: {eased[worst] * 1e3:.3f} mm, "
-        f"here, of {tolerance * 1e3:.3f} mm tolerated"
+    text = Said(
+        "{count} motions share their numbers, which get the value of the least largest error: {error:.3f} mm, here, of "
+        "{tolerance:.3f} mm tolerated",
+        count=len(eased),
+        error=eased[worst] * 1e3,
+        tolerance=tolerance * 1e3,
     )
     return [Diagnostic(place=program.motions[worst].place, text=text)]
 
@@ -363,7 +391,9 @@ def diagnose_range(
         measured: the range.
         farthest: joint positions of each motion where it is farthest outside.
     """
-    names = [f"this one{f' ({move.end.name})' if move.end.name else ''}" for move in program.motions]
+    names = [
+        Said("this one ({name})", name=move.end.name) if move.end.name else Said("this one") for move in program.motions
+    ]
     text = measured.warning(farthest, names, "motions")
     if not text:
         return []
@@ -389,7 +419,7 @@ def diagnose_unchanged_files(
     return [
         Diagnostic(
             place=Place(path=source.path, line=1),
-            text="no motion of this file was corrected; it is written with the others as it was read",
+            text=Said("no motion of this file was corrected; it is written with the others as it was read"),
         )
         for source in program.sources
         if source.path in with_motions - corrected - at_run_time
@@ -402,7 +432,11 @@ def diagnose_written_out(plan: "Plan[CorrectionRequest]") -> list[Diagnostic]:
     return [
         Diagnostic(
             place=Place(path=source.path, line=1),
-            text=f"is {more} lines longer: {', and '.join(plan.ways)}, where their motions need different corrections",
+            text=Said(
+                "is {more} lines longer: {ways}, where their motions need different corrections",
+                more=more,
+                ways=joined(", and ", plan.ways),
+            ),
         )
         for source in plan.given.sources
         if plan.ways and (more := after[source.path] - source.text.count("\n"))
@@ -420,7 +454,12 @@ def diagnose_unused_frames(cell: Cell, program: Program) -> list[Diagnostic]:
         for key, measured in frames.items():
             if key not in used:
                 names = ", ".join(sorted(used - {""})) or "none"
-                text = f"no motion has the cell's {kind} '{measured.name}'; the program's: {names}"
+                text = Said(
+                    "no motion has the cell's {kind} '{name}'; the program's: {names}",
+                    kind=term(kind),
+                    name=measured.name,
+                    names=names,
+                )
                 out.append(Diagnostic(place=place, text=text))
     return out
 

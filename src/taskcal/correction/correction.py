@@ -27,6 +27,7 @@ from taskcal.identification.uncertainty_budget import (
 )
 from taskcal.io.files import Laid, write_all
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 # How far the true tool is from where a program wants it, at its targets and between them.
 
@@ -348,8 +349,10 @@ class Correction:
         refused += [str(diagnostic) for diagnostic in self.diagnostics if diagnostic.rejected]
         if len(self.corrected) or self.helper is not None or not refused:
             return ""
-        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        return f"no motion was corrected, so that the program would be the one that was read; {refused[0]}{more}"
+        said = Said(
+            "no motion was corrected, so that the program would be the one that was read; {why}", why=refused[0]
+        )
+        return Said("{said} (and {count} more)", said=said, count=len(refused) - 1) if len(refused) > 1 else said
 
     def write(self, out: str | Path) -> tuple[Path, ...]:
         """Write the corrected files, all or none; of a backup all of it, to a place that does not exist yet.

@@ -58,6 +58,7 @@ from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
 from taskcal.robot.error_model import ErrorModel
+from taskcal_groundwork.said import Said, joined, term
 
 # Which effects may be added to the geometry, and how they are put to the proof.
 
@@ -73,8 +74,11 @@ def untried_effects(model: ErrorModel, campaign: Campaign, search: EffectSearch)
     robot, conditions = model.robot, campaign.conditions
     if robot.driven:
         return {
-            "all effects": f"{robot.name} has joints that others drive ({robot.driven[0].name}), and how effects pass through "
-            "their linkage is not modelled"
+            "all effects": Said(
+                "{robot} has joints that others drive ({joint}), and how effects pass through their linkage is not modelled",
+                robot=robot.name,
+                joint=robot.driven[0].name,
+            )
         }
     competing, instead = competing_effects(model, campaign, search)
     tried = {type(effect) for effect in (*competing, *instead, *model.effects)}
@@ -339,7 +343,7 @@ def select_effects(
     if fitted is alone:
         remarks = (*said, *best.remarks[len(left_out[:1]) :], *selection.remarks)
     else:
-        nothing = (f"geometry alone: {remark}" for remark in said_of(alone, [frames_alone]))
+        nothing = (Said("geometry alone: {remark}", remark=remark) for remark in said_of(alone, [frames_alone]))
         remarks = (*said, *nothing, *calibration.remarks, *selection.remarks)
     calibration = replace(calibration, left_out=left_out, remarks=remarks)
     if like is not None:
@@ -415,7 +419,7 @@ def _add(selection: _Selection, effects: Sequence[Effect], trial: _Trial) -> _Se
     trial.progress(ASKED_FOR)
     name, tried = ", ".join(effect.name for effect in effects), trial.fit(model, options)
     if tried.refusal is not None:
-        remark = f"{name}: asked for, and not fitted: {_shortly(tried.refusal)}"
+        remark = Said("{name}: asked for, and not fitted: {why}", name=name, why=_shortly(tried.refusal))
         return replace(selection, remarks=(*selection.remarks, remark))
     calibration, errors = tried.calibration, trial.errors_left_out(model, options)
     reason = "asked for, not put to the proof"
@@ -438,9 +442,8 @@ def _find_all(
     competing, instead = competing_effects(selection.model, trial.campaign, search)
     if not competing:
         why = untried_effects(selection.model, trial.campaign, search)
-        remark = (
-            f"no effect was tried: {'; '.join(f'{name}: {reason}' for name, reason in why.items()) or 'none competes'}"
-        )
+        reasons = [Said("{name}: {reason}", name=term(name), reason=reason) for name, reason in why.items()]
+        remark = Said("no effect was tried: {reasons}", reasons=joined("; ", reasons or [Said("none competes")]))
         return replace(selection, remarks=(*selection.remarks, remark))
     try:
         one = find_group_model(
@@ -454,7 +457,7 @@ def _find_all(
             progress=trial.progress,
         )
     except (FitError, ClosureError) as refusal:
-        remark = f"effects were tried and are not part of the calibration: {_shortly(refusal)}"
+        remark = Said("effects were tried and are not part of the calibration: {why}", why=_shortly(refusal))
         return replace(selection, remarks=(*selection.remarks, remark))
     whole = one.errors.whole
     gain, error = mean_over_rows(selection.errors - whole)
@@ -463,14 +466,14 @@ def _find_all(
     if after is not None and before is not None:
         told = gain > CLEAR_ERRORS * error or _evidence_of(one.effects, one) > MIN_EVIDENCE_GAIN
         for_it = told and after - before > MIN_EVIDENCE_GAIN
-    reason = f"predicts held-out rows {'' if gain > 0.0 else 'no '}better"
+    reason = Said("predicts held-out rows better") if gain > 0.0 else Said("predicts held-out rows no better")
     if gain > 0.0 and not for_it:
-        reason += ", but without the evidence for it"
+        reason = Said("{reason}, but without the evidence for it", reason=reason)
     outer = _Outer.of(selection, trial, one, search)
     against = outer.against()
     better = bool(gain > 0.0 and for_it and not against)
     if gain > 0.0 and against:
-        reason += f", but {against}"
+        reason = Said("{reason}, but {against}", reason=reason, against=against)
     together = _stage(
         "all effects", one.calibration, selection.calibration, whole, selection.errors, accepted=better, reason=reason
     )
@@ -478,7 +481,7 @@ def _find_all(
     stages = sorted(worths.values(), key=lambda stage: stage.cross_validated, reverse=True)
     selection = replace(selection, stages=(*selection.stages, together, *stages))
     if not better:
-        remark = f"effects were tried and are not part of the calibration: their model {reason}"
+        remark = Said("effects were tried and are not part of the calibration: their model {reason}", reason=reason)
         return replace(selection, remarks=(*selection.remarks, remark))
     proven = [effect for effect, stage in worths.items() if stage.accepted]
     return replace(
@@ -524,12 +527,20 @@ class _Outer:
 
     def against(self) -> str:
         """Why the one model is worse than what is there; empty where it is not."""
-        for what, there, own in (
-            ("neighbouring poses left out together", self.beside_clusters, self.clusters.whole),
-            ("ends of the joints' ranges", self.beside_ends, self.ends.whole),
-        ):
-            if _clearly_less(there, own):
-                return f"{what} worse: {np.nanmean(own) * 1e3:.4f} in place of {np.nanmean(there) * 1e3:.4f} mm"
+        there, own = self.beside_clusters, self.clusters.whole
+        if _clearly_less(there, own):
+            return Said(
+                "neighbouring poses left out together worse: {own:.4f} in place of {there:.4f} mm",
+                own=float(np.nanmean(own)) * 1e3,
+                there=float(np.nanmean(there)) * 1e3,
+            )
+        there, own = self.beside_ends, self.ends.whole
+        if _clearly_less(there, own):
+            return Said(
+                "ends of the joints' ranges worse: {own:.4f} in place of {there:.4f} mm",
+                own=float(np.nanmean(own)) * 1e3,
+                there=float(np.nanmean(there)) * 1e3,
+            )
         return ""
 
     def harmed_by(self, effect: str) -> bool:
@@ -562,11 +573,15 @@ def _worth(effect: Effect, one: GroupModelFound, outer: _Outer, *, enters: bool)
     fall = _evidence_of([effect], one)
     errors = one.errors.without[effect.name]
     worth, error = mean_over_rows(errors - one.errors.whole)
-    gained, harms = f"Δ log evidence {fall:.1f} (threshold {MIN_EVIDENCE_GAIN:g})", outer.harmed_by(effect.name)
+    gained = Said("Δ log evidence {fall:.1f} (threshold {least:g})", fall=float(fall), least=MIN_EVIDENCE_GAIN)
+    harms = outer.harmed_by(effect.name)
     if fall > MIN_EVIDENCE_GAIN and worth <= error:
-        gained += "; error increase not significant"
+        gained = Said("{gained}; error increase not significant", gained=gained)
     elif fall > MIN_EVIDENCE_GAIN and harms:
-        gained += "; ends of the joints' ranges or neighbouring poses left out together are predicted better without"
+        gained = Said(
+            "{gained}; ends of the joints' ranges or neighbouring poses left out together are predicted better without",
+            gained=gained,
+        )
     return Stage(
         name=effect.name,
         parameters=len(effect.term(one.calibration.model.robot).names),

@@ -16,7 +16,7 @@ from taskcal.errors import CampaignError
 from taskcal.identification.held_out import SAME_POSTURE_RAD
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
-from taskcal_groundwork.said import Said
+from taskcal_groundwork.said import Said, term
 
 TURN = 2.0 * np.pi
 """A whole turn, radians."""
@@ -124,8 +124,10 @@ class MeasuredRange:
         j = int(np.abs(beyond).argmax())
         if not beyond[j]:
             return ""
-        side = "below" if beyond[j] < 0 else "above"
-        return f"{self.joints[j]} lies {self._shown(j, abs(beyond[j]))} {side} what was measured ({self.describe(j)})"
+        said = {"joint": self.joints[j], "far": self._shown(j, abs(beyond[j])), "range": self.describe(j)}
+        if beyond[j] < 0:
+            return Said("{joint} lies {far} below what was measured ({range})", **said)
+        return Said("{joint} lies {far} above what was measured ({range})", **said)
 
     def describe(self, j: int) -> Said:
         """The range of joint number j in words: ``−12.0° to 3.5°``."""
@@ -147,9 +149,23 @@ class MeasuredRange:
         if not len(rows):
             return ""
         worst = int(rows[0])
-        return (
-            f"{len(rows)} of {len(q)} {what} {'is' if len(rows) == 1 else 'are'} outside the measured joint range, {names[worst]} "
-            f"farthest: {self.sentence(q[worst])}. The calibration extrapolates there: measure more poses there"
+        said = {
+            "count": len(rows),
+            "all": len(q),
+            "what": term(what),
+            "name": names[worst],
+            "far": self.sentence(q[worst]),
+        }
+        if len(rows) == 1:
+            return Said(
+                "{count} of {all} {what} is outside the measured joint range, {name} farthest: {far}. The calibration extrapolates "
+                "there: measure more poses there",
+                **said,
+            )
+        return Said(
+            "{count} of {all} {what} are outside the measured joint range, {name} farthest: {far}. The calibration extrapolates "
+            "there: measure more poses there",
+            **said,
         )
 
     def farthest(self, q: Float[np.ndarray, "n joints"]) -> list[dict[str, Any]]:
@@ -187,7 +203,10 @@ class MeasuredRange:
 
 def name_rows(rows: Iterable[int], ids: Iterable[str]) -> list[str]:
     """Rows by their numbers, and by their names where these are others: ``row 3 (p30)``."""
-    return [f"row {row}" if name == str(row) else f"row {row} ({name})" for row, name in zip(rows, ids, strict=True)]
+    return [
+        Said("row {number}", number=row) if name == str(row) else Said("row {number} ({name})", number=row, name=name)
+        for row, name in zip(rows, ids, strict=True)
+    ]
 
 
 def describe_outside(entry: Mapping[str, Any]) -> str:

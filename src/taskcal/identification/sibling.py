@@ -25,6 +25,7 @@ from taskcal.identification.group_model import (
     GroupModel,
 )
 from taskcal.identification.problem import Linearisation, Problem
+from taskcal_groundwork.said import Said
 
 SPECIMEN_WIDTH = JOINT_WIDTH
 """Standard deviation of a log variance of one robot about its sibling's: a factor of 1.6 in size. A convention: two robots of one
@@ -46,7 +47,13 @@ def has_own_sizes(like: Calibration) -> bool:
 def described_sibling(like: Calibration) -> str:
     """A calibration in words: its file, robot and campaign."""
     made = like.provenance
-    return f"{like.source or 'the calibration'} ({made.robot}, {made.rows} rows of {made.campaign or 'a campaign'})"
+    return Said(
+        "{file} ({robot}, {rows} rows of {campaign})",
+        file=str(like.source) if like.source else Said("the calibration"),
+        robot=made.robot,
+        rows=made.rows,
+        campaign=made.campaign or Said("a campaign"),
+    )
 
 
 def expecting(one: GroupModel, like: Calibration) -> GroupModel:
@@ -178,8 +185,16 @@ def with_unused_sibling(calibration: Calibration, like: Calibration) -> Calibrat
     made = calibration.provenance
     if "taken" in made.options.get("like", {}):
         return calibration
-    have, lacks = ("effects", "none") if has_own_sizes(calibration) else ("no effects", "some")
-    remark = f"{described_sibling(like)} was not used: this calibration has {have} of their own sizes, and that one has {lacks}"
+    named = described_sibling(like)
+    if has_own_sizes(calibration):
+        remark = Said(
+            "{named} was not used: this calibration has effects of their own sizes, and that one has none", named=named
+        )
+    else:
+        remark = Said(
+            "{named} was not used: this calibration has no effects of their own sizes, and that one has some",
+            named=named,
+        )
     told = {**like.origin, "taken": False, "log_evidence_gain": 0.0}
     options = {**made.options, "like": told}
     return replace(calibration, remarks=(*calibration.remarks, remark), provenance=replace(made, options=options))

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration
+from taskcal_groundwork.said import Said
 
 COVERAGE_FACTOR = 2.0
 """k of the expanded uncertainty: 95 % along one direction, of a normal distribution."""
@@ -115,10 +116,12 @@ def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> s
     allowed = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean()))
     if stated <= UNKNOWN_FROM * allowed:
         return ""
-    return (
-        f"the calibration is uncertain there by {stated * 1e3:.3g} mm (3D rms, 1σ), {stated / allowed:.0f} times as much as the "
-        f"tolerances of a robot that was never calibrated ({allowed * 1e3:.2g} mm): its rows tell too little of these poses. "
-        "Measure more poses near them"
+    return Said(
+        "the calibration is uncertain there by {stated:.3g} mm (3D rms, 1σ), {times:.0f} times as much as the tolerances of a "
+        "robot that was never calibrated ({allowed:.2g} mm): its rows tell too little of these poses. Measure more poses near them",
+        stated=stated * 1e3,
+        times=stated / allowed,
+        allowed=allowed * 1e3,
     )
 
 
@@ -143,7 +146,9 @@ def refuse_unknown(why: str, what: str) -> None:
         TaskcalError: it does.
     """
     if why:
-        raise TaskcalError(f"{what}: {why}, or accept that (--accept-uncertain; accept_uncertain=True)")
+        raise TaskcalError(
+            Said("{what}: {why}, or accept that (--accept-uncertain; accept_uncertain=True)", what=what, why=why)
+        )
 
 
 def _mean_square(covariance: Float[np.ndarray, "n targets b b"]) -> float:

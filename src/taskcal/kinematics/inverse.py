@@ -16,6 +16,7 @@ from taskcal.kernels.chunks import in_chunks
 from taskcal.robot.error_model import ErrorModel, Walk
 from taskcal.robot.robot import Robot
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 # How far an arm stretches: no posture leads beyond, so that a pose out there needs no search.
 #
@@ -180,7 +181,7 @@ class Freedom:
         return self.rank == ALL_DIRECTIONS
 
     def __str__(self) -> str:
-        return f"the joints move the tool in {self.rank} of six directions"
+        return Said("the joints move the tool in {rank} of six directions", rank=self.rank)
 
 
 ALL_DIRECTIONS = 6

@@ -12,6 +12,7 @@ from taskcal.kinematics.inverse import (
     JUMP_RAD,
     RADIANS_PER_METRE,
     ROUNDED_POSE,
+    Freedom,
     NewtonEnd,
     conditioning,
     follow,
@@ -20,6 +21,7 @@ from taskcal.kinematics.inverse import (
 )
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said
 
 STRIDE = 0.2
 """The posture is followed from pose to pose where the tool has moved as far as this, radians and half metres; between
@@ -87,6 +89,13 @@ class Traced:
         return self.outcome == Outcome.REACHED
 
 
+def not_turned(angle: float, freedom: Freedom) -> Said:
+    """Why a pose is not reached that is only so many degrees off, by a robot of few joints."""
+    return Said(
+        "cannot be turned so: the nearest posture leaves {angle:.3g}°, as {freedom}", angle=angle, freedom=str(freedom)
+    )
+
+
 def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
     """Rows that were rejected, with the reason in words."""
     outside, freedom = dict(reversed(robot.outside_limits(traced.q))), freedom_of(ErrorModel(robot))
@@ -94,18 +103,24 @@ def rejections(robot: Robot, traced: Traced) -> list[tuple[int, str]]:
     for row in np.flatnonzero(~traced.reached):
         match Outcome(traced.outcome[row]):
             case Outcome.OUT_OF_REACH if np.isinf(traced.off[row, 0]):
-                reason = "out of reach: the four-bar does not close on the way to it"
+                reason = Said("out of reach: the four-bar does not close on the way to it")
             case Outcome.OUT_OF_REACH:
                 distance, angle = traced.off[row, 0] * 1e3, np.degrees(traced.off[row, 1])
-                reason = f"out of reach on this branch: the nearest posture leaves {distance:.3g} mm and {angle:.3g}°"
+                reason = Said(
+                    "out of reach on this branch: the nearest posture leaves {distance:.3g} mm and {angle:.3g}°",
+                    distance=distance,
+                    angle=angle,
+                )
                 if not freedom.whole and traced.off[row, 0] < ROUNDED_POSE[0]:
-                    reason = f"{NOT_TURNED}: the nearest posture leaves {angle:.3g}°, as {freedom}"
+                    reason = not_turned(angle, freedom)
             case Outcome.OUTSIDE_LIMITS:
                 reason = outside[int(row)]
             case Outcome.SINGULAR:
-                reason = f"the joints would jump at a singular posture ({traced.singularity[row]:.2g} from it)"
+                reason = Said(
+                    "the joints would jump at a singular posture ({off:.2g} from it)", off=traced.singularity[row]
+                )
             case _:
-                reason = "the joints would jump to another branch"
+                reason = Said("the joints would jump to another branch")
         out.append((int(row), reason))
     return out
 

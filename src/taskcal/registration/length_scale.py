@@ -12,6 +12,7 @@ from taskcal.geometry import se3
 from taskcal.observations.base import TrackerNoise
 from taskcal.registration.registration import FAR_MEDIANS, PLAUSIBLE_SHARE, nominal_poses, register_trimmed
 from taskcal.robot.error_model import EXACT, ErrorModel
+from taskcal_groundwork.said import Said
 
 NAMED_SIGMAS = 3.0
 """Standard errors from 1 from which on a scale is named: of sound campaigns one in 370 by chance."""
@@ -42,10 +43,12 @@ class LengthScale:
 
     def said(self) -> str:
         """What it means, and the remedy."""
-        return (
-            f"measured lengths are {self.value:.4f} times the robot's (SE {self.standard_error:.4f} by its tolerances): all "
-            "distances may be wrong by that. Check the instrument's scale, its compensation of temperature, the unit or the size "
-            "of its target by a length that is known, or the lengths in the robot file"
+        return Said(
+            "measured lengths are {value:.4f} times the robot's (SE {error:.4f} by its tolerances): all distances may be wrong by "
+            "that. Check the instrument's scale, its compensation of temperature, the unit or the size of its target by a length "
+            "that is known, or the lengths in the robot file",
+            value=self.value,
+            error=self.standard_error,
         )
 
     def summary(self) -> dict[str, float]:
@@ -56,9 +59,11 @@ class LengthScale:
 def board_said(board: str, scale: float) -> str:
     """What a scale of the lengths that its images tell, to four digits as it is told, means of a board, and the remedy."""
     size = 1.0 / round(scale, 4)
-    return (
-        f"by the robot's lengths {board} is {size:.4f} times as large as stated: measure its print, and state the length in its "
-        "file"
+    return Said(
+        "by the robot's lengths {board} is {size:.4f} times as large as stated: measure its print, and state the length in its "
+        "file",
+        board=board,
+        size=size,
     )
 
 

@@ -138,6 +138,8 @@ class Text:
 
     kind: ClassVar[str] = "text"
     words: str
+    leads: bool = False
+    """Whether it says what the section is about, and is set larger."""
 
 
 @dataclass(frozen=True, init=False)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from taskcal.report.chart import VERMILION, Axis, Figure, Level, Panel, Series
-from taskcal.report.content import Block, Bullets, Column, NextStep, Section, TextTable
+from taskcal.report.content import Block, Bullets, Column, NextStep, Section, Text, TextTable
 from taskcal_groundwork.said import Said, term
 
 COLUMNS = (
@@ -171,7 +171,11 @@ def verdict_section(verdict: Mapping[str, Any]) -> Section:
 def verdict_blocks(verdict: Mapping[str, Any]) -> list[Block | str]:
     """Make what says the verdict: its sentence, its table and what is not known."""
     reasons = state_reasons(verdict)
-    return [state_verdict(verdict), tabulate_verdict(verdict), *([Bullets(*reasons)] if reasons else [])]
+    return [
+        Text(state_verdict(verdict), leads=True),
+        tabulate_verdict(verdict),
+        *([Bullets(*reasons)] if reasons else []),
+    ]
 
 
 def with_program(verdict: Mapping[str, Any], result: Any) -> Mapping[str, Any] | None:

@@ -17,6 +17,7 @@ from taskcal.kernels import walk
 from taskcal.kernels.chain import Chain, Fixed, Joint, JointKind, Step
 from taskcal.robot.joint_side import FourBarDrive, JointMap, JointSide
 from taskcal.robot.statics import Statics
+from taskcal_groundwork.said import Said
 
 # What geometry cannot explain of a robot, stated or assumed before anything is measured.
 
@@ -331,10 +332,14 @@ class Robot:
         out: list[tuple[int, str]] = []
         for name, coefficients, (low, high), slides in self._limited():
             value = q @ coefficients
-            scale, unit = (1e3, " mm") if slides else (180 / np.pi, "°")
+            scale = 1e3 if slides else 180 / np.pi
             for row in np.flatnonzero((value < low - slack) | (value > high + slack)):
-                shown = f"{name} = {value[row] * scale:.3f}{unit}"
-                out.append((int(row), f"{shown} is outside {low * scale:g} to {high * scale:g}{unit}"))
+                said = {"name": name, "value": value[row] * scale, "low": low * scale, "high": high * scale}
+                if slides:
+                    reason = Said("{name} = {value:.3f} mm is outside {low:g} to {high:g} mm", **said)
+                else:
+                    reason = Said("{name} = {value:.3f}° is outside {low:g} to {high:g}°", **said)
+                out.append((int(row), reason))
         return sorted(out)
 
     def check_shape(self, q: Float[np.ndarray, "n joints"]) -> None:

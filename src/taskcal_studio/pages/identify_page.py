@@ -15,7 +15,7 @@ from taskcal.identification.effects import tracker_error
 from taskcal.report.calibration import ERRORS
 from taskcal.report.content import Column, TextTable, moment
 from taskcal.report.fit import may_have_effects
-from taskcal_studio.controls import button, facts, line_of_text, message, tabulated, text
+from taskcal_studio.controls import button, facts, headline, line_of_text, message, tabulated, text
 from taskcal_studio.option_form import of_project, option_fields
 from taskcal_studio.project import LAYOUT, LONGEST, Project, free_name, plain_name
 from taskcal_studio.results import changed_since, contents, options_of_images, read_measured, read_result
@@ -32,6 +32,11 @@ async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
     choices = project.choices
+    result = result_of_fit(project, choices.calibration)
+    if result is not None and result["held_out"]:
+        left, before = (texts.number(result[of]["mean_mm"], ".3f") for of in ("held_out", "nominal"))
+        said = texts("identify.headline", name=Path(choices.calibration).stem, nominal=before)
+        headline(f"{left} mm", said)
     facts([(texts("robot.title"), choices.robot), (texts("measurements.title"), choices.campaign)])
     text("h2", texts("identify.model"))
     _choose(project, texts)

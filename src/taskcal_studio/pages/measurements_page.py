@@ -4,6 +4,7 @@ import asyncio
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from taskcal.reading.detection import SUFFIXES
 from taskcal.reading.writer import campaign_text
 from taskcal.report.chart import SERIES, SHAPES, Axis, Figure, Panel, Series
 from taskcal.report.content import Column, TextTable
+from taskcal.report.diagnosis import campaign_section, findings_table
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
 from taskcal_studio.controls import button, drop_zone, facts, headline, message, tabulated, text
@@ -41,6 +43,7 @@ from taskcal_studio.results import (
 )
 from taskcal_studio.robot_meshes import RobotMeshes, meshes_if_sound
 from taskcal_studio.runs import Status, Studio
+from taskcal_studio.sections import show_sections
 from taskcal_studio.selection import RowSelection
 from taskcal_studio.stated_options import asked
 from taskcal_studio.steps import begin, choose_file, choose_or_drop, is_running, link, show_error, show_run
@@ -140,7 +143,6 @@ async def build(studio: Studio, texts: Texts) -> None:
         message(texts("measurements.names_images"))
         return
     findings = await _mistakes(studio, texts, partial(_count, first, campaign, texts))
-    text("h2", texts("measurements.understood"))
     show_run(studio, "convert", texts, about=choices.campaign)
     measured = await asyncio.to_thread(registered_rows, ErrorModel(robot), campaign)
     meshes = await asyncio.to_thread(meshes_if_sound, project)
@@ -203,22 +205,8 @@ async def _unread(error: TaskcalError, studio: Studio, robot: Robot, texts: Text
         editor.join(choices.points)
 
 
-def campaign_facts(campaign: Campaign, texts: Texts) -> list[tuple[str, str]]:
-    """Facts of a campaign."""
-    lost = int((~campaign.valid).sum())
-    told = [
-        (texts("measurements.rows"), str(len(campaign))),
-        (texts("measurements.targets"), ", ".join(campaign.targets)),
-        (texts("measurements.lost"), str(lost)),
-        (texts("measurements.references"), ", ".join(campaign.reference_points) or "–"),
-    ]
-    present = [name for name in ("temperature", "time", "approach", "move") if getattr(campaign, name) is not None]
-    told += [(texts("measurements.besides"), ", ".join(texts(f"measurements.{name}") for name in present) or "–")]
-    return told
-
-
 def _understood(campaign: Campaign, robot: Robot, texts: Texts) -> None:
-    facts(campaign_facts(campaign, texts))
+    show_sections([campaign_section(campaign)], texts)
     for note in campaign.notes:
         message(note, fine=True)
     if not campaign.tracked:
@@ -285,15 +273,9 @@ async def _mistakes(
 
 
 def _list_findings(findings: Sequence[Mapping[str, Any]], studio: Studio, texts: Texts, now: str) -> None:
-    columns = (
-        Column(texts("measurements.finding"), lambda one: f"{texts.named('doctor', one['id'])} ({one['id']})"),
-        Column(texts("measurements.of"), lambda one: ", ".join(one["subject"])),
-        Column(texts("measurements.before"), "error_before_mm", ".2f"),
-        Column(texts("measurements.after"), "error_after_mm", ".2f"),
-        Column(texts("measurements.sure"), "confidence", ".0%"),
-        Column(texts("measurements.mends"), lambda one: mend(one, texts)),
-    )
-    tabulated(TextTable.of(texts("measurements.found"), columns, findings))
+    mends = Column(texts("measurements.mends"), lambda one: mend(one, texts))
+    table = findings_table(findings, lambda one: f"{texts.named('doctor', one['id'])} ({one['id']})", mends)
+    tabulated(replace(table, title=texts("measurements.found")), texts=texts)
     if is_running(studio.run_of("mend")):
         return
     written = [one for one in findings if is_of_file(one)]

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from nicegui import ui
 
+from robot_programs.languages import language_of
 from robot_programs.reading import read_program
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import load_calibration
@@ -26,12 +27,13 @@ from taskcal_studio.controls import (
     text,
     tick,
 )
+from taskcal_studio.option_form import of_project, option_fields
 from taskcal_studio.pages.cell_editor import AxisEditor, MeasuredEditor, Named, asked_axes, named_in
 from taskcal_studio.project import CELL_ENDINGS, LAYOUT, PROGRAM_ENDINGS, Choices, Project, free_name
 from taskcal_studio.results import corrected_of, read_result, robot_of
 from taskcal_studio.runs import Status, Studio
 from taskcal_studio.sections import show_sections
-from taskcal_studio.stated_options import asked
+from taskcal_studio.stated_options import arguments, asked, offered
 from taskcal_studio.steps import (
     begin,
     choose_calibration,
@@ -44,7 +46,7 @@ from taskcal_studio.steps import (
 )
 from taskcal_studio.task_box import read_together
 from taskcal_studio.texts import Texts
-from taskcal_studio.verdict import AROUND, is_lowered_by, show_verdict
+from taskcal_studio.verdict import AROUND, BOUNDS, is_lowered_by, show_verdict
 from taskcal_studio.views import CellView, add_views
 
 MAX_COMPARED_LINES = 20_000
@@ -94,6 +96,12 @@ async def build(studio: Studio, texts: Texts) -> None:
     failed = last is not None and last.status is Status.refused
     is_open = failed or bool(asked) or is_lowered_by(result and result["verdict"], "tool", "part")
     facts([(texts("program.read"), ", ".join(read_together(project, choices.program)))])
+    if _has_own_kinematics(choices):  # it is asked for before a correction is refused for want of it
+        _controller(project, texts)
+    with ui.element("details").props(f"id={BOUNDS}") as bounds:
+        set_attribute(bounds, "open", bool(reasons))
+        text("summary", texts("program.bounds"))
+        option_fields(project, texts, of_project(project, "correct"), *offered("correct"))
     run = show_run(studio, "correct", texts, about=choices.program)
     if chosen and not is_running(run):
         button(texts("program.correct"), lambda: begin_correction(studio), plain=result is not None)
@@ -146,17 +154,29 @@ def _around(
         line_of_text(texts("program.tool"), choices.tool, lambda value: project.choose(tool=value))
         line_of_text(texts("program.part"), choices.part, lambda value: project.choose(part=value))
         AxisEditor(project, asked, texts)
-        text("p", texts("program.controller_how")).classes("quiet")
-        choose_or_drop(project, texts, "kinematics", none=texts("program.no_kinematics"))
-        nominal = choices.nominal_controller
-        tick(texts("program.nominal"), nominal, lambda value: project.choose(nominal_controller=value))
+        if not _has_own_kinematics(choices):
+            _controller(project, texts)
         tick(texts("program.helper"), choices.helper, lambda value: project.choose(helper=value))
+
+
+def _has_own_kinematics(choices: Choices) -> bool:
+    """Whether controllers of the program's language compute with what the factory measured of the arm."""
+    return bool(language_of(Path(choices.program)).controller_kinematics)
+
+
+def _controller(project: Project, texts: Texts) -> None:
+    """With which kinematics the controller computes."""
+    nominal = project.choices.nominal_controller
+    text("p", texts("program.controller_how")).classes("quiet")
+    choose_or_drop(project, texts, "kinematics", none=texts("program.no_kinematics"))
+    tick(texts("program.nominal"), nominal, lambda value: project.choose(nominal_controller=value))
 
 
 def arguments_of(project: Project, choices: Choices, *, missing: str = "", accept_uncertain: bool = False) -> list[str]:
     """Arguments of ``taskcal`` for a correction."""
     return asked(
         "correct",
+        arguments("correct", choices.options),
         programs=read_together(project, choices.program),
         calibration=choices.calibration,
         output=LAYOUT.corrected,

@@ -32,10 +32,15 @@ async def build(studio: Studio, texts: Texts) -> None:
     choices = project.choices
     chosen = choose_calibration(project, texts)
     run = show_run(studio, "report", texts, about=choices.calibration) if chosen else None
+    _list(project, texts)
     if chosen:
         _head(project, texts)
     if chosen and not is_running(run):
         button(texts("report.make"), lambda: begin_report(studio))
+
+
+def _list(project: Project, texts: Texts) -> None:
+    """Reports that there are."""
     reports = project.files(LAYOUT.reports, (".html",))
     if not reports:
         return

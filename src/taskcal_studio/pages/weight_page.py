@@ -33,12 +33,16 @@ MAX_PARAMETERS = 12
 """Most influential parameters that are listed."""
 
 
+COLUMNS = 5
+"""Of a table of parameters with symbols."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Weight:
     """Effects of the parameters on the tool over a task."""
 
     rows: tuple[tuple[str, ...], ...]
-    """Parameter, symbol, tolerance, and its effect on the tool in space, largest and rms, millimetres."""
+    """Parameter, symbol where the robot has any, tolerance, and its effect on the tool in space, largest and rms, millimetres."""
     rank: int
     """Parameters that the poses tell apart."""
     parameters: int
@@ -56,8 +60,9 @@ def weigh(model: ErrorModel, task: Task) -> Weight:
     influence = sensitivity(model, poses.q)
     largest, rms = influence.maximum_in_space(scaled=True), influence.rms(scaled=True)
     first = np.argsort(-np.round(largest, NANOMETRES), kind="stable")[:MAX_PARAMETERS]
+    named = any(p.symbol for p in model.parameters)
     rows = tuple(
-        (p.name, p.symbol, p.stated_tolerance, f"{largest[i] * 1e3:.4f}", f"{rms[i] * 1e3:.4f}")
+        (p.name, *([p.symbol] if named else []), p.stated_tolerance, f"{largest[i] * 1e3:.4f}", f"{rms[i] * 1e3:.4f}")
         for i, p in ((i, model.parameters[i]) for i in first)
     )
     apart = identifiability(model, poses.q).rank
@@ -149,8 +154,9 @@ class _Shown:
         self._place.clear()
         with self._place:
             told = facts([(texts("weight.reached"), "–"), (texts("weight.apart"), "–")])
-            header = tuple(texts(f"weight.{key}") for key in ("parameter", "symbol", "tolerance", "largest", "rms"))
+            words = ["parameter", "symbol"] if len(weight.rows[0]) == COLUMNS else ["parameter"]
+            header = tuple(texts(f"weight.{key}") for key in (*words, "tolerance", "largest", "rms"))
             title = texts("weight.most", count=len(weight.rows))
-            rows = tabulated(TextTable.of_rows(title, header, weight.rows, text_columns=(0, 1)))
+            rows = tabulated(TextTable.of_rows(title, header, weight.rows, text_columns=tuple(range(len(words)))))
         within = [*told.descendants(), *rows.descendants()]
         self._cells = [e for e in within if isinstance(e, TextElement) and e.tag in ("dd", "td")]

@@ -9,13 +9,16 @@ import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.common import (
     REACHING,
+    ConventionOption,
     CountOption,
     UnsealedOption,
+    accuracy_option,
     look_at_calibration,
     metres,
     read_and_reach,
     read_calibration,
     split_names,
+    task_option,
 )
 from taskcal.cli.run import JsonOption, Result, Run
 from taskcal_groundwork.options import Seed
@@ -41,15 +44,13 @@ def command(
         ".xml, or a table (.csv with --convention).",
         named="with",
     ),
-    convention: str | None = option(None, "dh|mdh", "Convention of the table."),
+    convention: ConventionOption = None,
     joints: str | None = option(
         None, "LIST", "Joints of the model in the order of the robot's, where their names differ."
     ),
-    task: Path | None = option(
-        None, "TASK.toml", "Compare over this task; by default at the measured poses.", also="-t"
-    ),
-    accuracy_mm: float | None = option(
-        None, "MM", "Required accuracy, for whether recalibration is due; by default the task's.", low=0.0, ends=False
+    task: Path | None = task_option("Compare over this task; by default at the measured poses."),
+    accuracy_mm: float | None = accuracy_option(
+        "Required accuracy, for whether recalibration is due; by default the task's."
     ),
     all_parameters: bool = option(
         False, named="parameters", help="List all parameters, not only those that changed significantly."

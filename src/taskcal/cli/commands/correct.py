@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import taskcal
-from taskcal.cli.command import argument, option
+from taskcal.cli.command import argument, option, output_option
 from taskcal.cli.options.common import (
+    AcceptUncertainOption,
+    CalibrationOption,
+    CellOption,
     UnsealedOption,
     look_at,
-    look_at_calibration,
     read_calibration,
+    task_option,
 )
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info, keep_note, read_note
@@ -21,6 +24,7 @@ from taskcal.cli.run import File, Result, Run
 from taskcal.correction.options import Bounds
 from taskcal.errors import FileError
 from taskcal_groundwork.files import is_backup
+from taskcal_groundwork.said import Said, joined
 
 if TYPE_CHECKING:
     from robot_programs.core.program import Frame, Program
@@ -44,19 +48,15 @@ class DestinationOptions:
         typer.BadParameter: neither a place nor a dry run.
     """
 
-    output: Path | None = option(
+    output: Path | None = output_option(
         None,
         "OUT",
         "File to write, or folder, where the files keep their names. A file of another language (.mod, .src, .csv) becomes a "
         "new program.",
-        also="-o",
         writes="later",
     )
     dry_run: bool = option(False, help="Show the table without writing a program.")
-    accept_uncertain: bool = option(
-        False,
-        help="Write the program even if the uncertainty exceeds the correction, or three times the robot's tolerances.",
-    )
+    accept_uncertain: AcceptUncertainOption = False
 
     def __post_init__(self) -> None:
         if self.output is None and not self.dry_run:
@@ -84,9 +84,7 @@ class CellOptions:
         typer.BadParameter: a name of the cell file, without the file; or two controllers.
     """
 
-    cell: Path | None = option(
-        None, "CELL.toml", "Measured frames of tools and parts; by default those of the controller."
-    )
+    cell: CellOption = None
     tool: str | None = option(
         None,
         "NAME",
@@ -133,16 +131,12 @@ def command(
         "PROGRAM [MORE …]",
         "Its files (RAPID, KRL, TP, URScript, APT or CSV), or a folder or zip file of them, such as a backup.",
     ),
-    calibration: Path = option(
-        ..., "CAL.json", "Calibration written by taskcal identify.", also="-c", callback=look_at_calibration
-    ),
+    calibration: CalibrationOption,
     unsealed: UnsealedOption = False,
     destination: DestinationOptions,
     around: CellOptions,
     limits: Bounds,
-    task: Path | None = option(
-        None, "TASK.toml", "Judge the expected error against the tolerance of this task.", also="-t", callback=look_at
-    ),
+    task: Path | None = task_option("Judge the expected error against the tolerance of this task.", callback=look_at),
     keep_joints: bool = option(False, help="Leave motions to joint positions unchanged, such as to a home position."),
     helper: bool = option(
         False,
@@ -233,12 +227,11 @@ def _failure(correction: "taskcal.Correction", *, withheld: bool) -> bool | str:
         return bool(correction.rejected) or any(one.rejected or one.unread for one in correction.diagnostics)
     from taskcal.report.correction import state_uncertain
 
-    accept = "; --accept-uncertain writes the program all the same"
-    reasons = [
-        f"{state_uncertain(correction.summary())}{accept}" if correction.uncertain else "",
-        correction.why_unwritten,
-    ]
-    return f"not written: {'; '.join(filter(None, reasons))}"
+    reasons = [correction.why_unwritten] if correction.why_unwritten else []
+    if correction.uncertain:
+        why = state_uncertain(correction.summary())
+        reasons.insert(0, Said("{why}; --accept-uncertain writes the program all the same", why=why))
+    return Said("not written: {reasons}", reasons=joined("; ", reasons))
 
 
 def _read(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import option, output_option
 from taskcal.cli.output import say, show, started_as, tell, write_json
 from taskcal.cli.progress import bar_over
 from taskcal.cli.run import OutputOptions, Run
@@ -28,8 +28,8 @@ ROBOTS = "robots"
 def command(
     *,
     run: Run,
-    output: Path = option(
-        Path("taskcal-demo"), "FOLDER", "Folder of the results; made if absent.", also="-o", writes="later"
+    output: Path = output_option(
+        Path("taskcal-demo"), "FOLDER", "Folder of the results; made if absent.", writes="later"
     ),
     count: int = option(60, also="-n", help="Measured poses of each campaign.", low=10),
     seed: Seed = 0,

@@ -14,11 +14,13 @@ import typer
 import taskcal
 from taskcal.cli.command import argument, option
 from taskcal.cli.options.campaign import TableOptions
+from taskcal.cli.options.common import robot_option
 from taskcal.cli.output import info
 from taskcal.cli.progress import bar_by_parts
 from taskcal.cli.run import File, OutputOptions, Result
-from taskcal.errors import OpenFrameError, TaskcalError, UnitError, listed
-from taskcal.report.content import Column, Facts, Section, TextTable, millimetres
+from taskcal.errors import OpenFrameError, TaskcalError, UnitError
+from taskcal.report.content import Column, Facts, Section, TextTable
+from taskcal.report.diagnosis import campaign_section, findings_table, name_subjects
 from taskcal_groundwork.options import options_of
 
 
@@ -27,7 +29,7 @@ def command(
     campaign: list[Path] | None = argument(
         None, "[CAMPAIGN.csv…]", "Measurements to diagnose; of several files each is a station of the tracker."
     ),
-    robot: str | None = option(None, "ROBOT", "The campaign's robot: catalogue name, or file.", also="-r"),
+    robot: str | None = robot_option("The campaign's robot: catalogue name, or file."),
     fix: Path | None = option(None, "OUT.csv", "Output CSV: the campaign with the mistakes fixed.", writes="new"),
     reading: TableOptions,
     out: OutputOptions,
@@ -57,12 +59,9 @@ def command(
             info(line)
     return Result(
         summary={"findings": [finding.as_json() for finding in found.findings]},
-        sections=lambda: [_section(found, " ".join(map(str, campaign)))],
+        sections=lambda: _sections(found, " ".join(map(str, campaign))),
         files=[File("fixed", fix, campaign_text(found.campaign, found.robot))] if fix and found.mends else (),
     )
-
-
-MAX_SUBJECTS = 6
 
 
 def _fixed(found: "taskcal.diagnosis.Diagnosis", fix: Path) -> Iterator[str]:
@@ -70,7 +69,7 @@ def _fixed(found: "taskcal.diagnosis.Diagnosis", fix: Path) -> Iterator[str]:
     from taskcal.diagnosis.hypotheses import MISTAKES
 
     for finding in found.findings:
-        named = f"{finding.id}{' of ' if finding.subject else ''}{_subjects(finding.subject)}"
+        named = f"{finding.id}{' of ' if finding.subject else ''}{name_subjects(finding.subject)}"
         if finding in found.mends:
             robot = MISTAKES[finding.id].part == "robot"
             yield f"applied: {named}{', the file is for that robot' if robot else ''}"
@@ -85,28 +84,18 @@ def _fixed(found: "taskcal.diagnosis.Diagnosis", fix: Path) -> Iterator[str]:
         yield f"error of rows held out, the geometry free within its tolerances: {before} mm as given, {after} mm fixed"
 
 
-def _subjects(subject: Sequence[str]) -> str:
-    return listed(subject, MAX_SUBJECTS)
-
-
-FINDINGS = (
-    Column("finding", "id"),
-    Column("of", lambda finding: _subjects(finding.subject)),
-    millimetres("error, mm", "error_before", ".2f"),
-    millimetres("error if fixed, mm", "error_after", ".2f"),
-    Column("confidence", "confidence", ".0%"),
-)
 MAX_USEFUL_RATIO = 0.99
 """Ratio of the error if fixed to the error, up to which a finding is a hint: one that changes nothing is not the cause."""
 
 
-def _section(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> Section:
-    return Section(
+def _sections(diagnosis: "taskcal.diagnosis.Diagnosis", campaign: str) -> list[Section]:
+    found = Section(
         "Diagnosis",
         None if diagnosis.findings else f"{campaign}: no mistake found",
-        TextTable.of("", FINDINGS, diagnosis.findings),
+        findings_table([finding.as_json() for finding in diagnosis.findings]),
         Facts(*((finding.id, finding.fix) for finding in diagnosis.findings)),
     )
+    return [campaign_section(diagnosis.campaign), found]
 
 
 def diagnose_file(
@@ -146,7 +135,7 @@ def with_first_finding(
     before, after = first.error_before * 1e3, None if first.error_after is None else first.error_after * 1e3
     if after is not None and after > MAX_USEFUL_RATIO * before:
         return message
-    subject = f" of {_subjects(first.subject)}" if first.subject else ""
+    subject = f" of {name_subjects(first.subject)}" if first.subject else ""
     change = f"{before:.1f}" if after is None else f"{before:.1f} → {after:.1f}"
     return f"{message}\nhint: {first.id}{subject} (error {change} mm, confidence {first.confidence:.0%}): {first.fix}"
 

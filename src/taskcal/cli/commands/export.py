@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import option, output_option
 from taskcal.cli.options.common import (
     REACHING,
+    AcceptUncertainOption,
     CalibrationArgument,
     CountOption,
     UnsealedOption,
     read_and_reach,
     read_calibration,
+    task_option,
 )
 from taskcal.cli.output import info, plain, with_edits
 from taskcal.cli.progress import bar_over
@@ -44,11 +46,10 @@ def command(
         "a calibration from images, for ROS, OpenCV, Taskcal's --camera, and as a link of a URDF; offsets: joint zeros, "
         "tool and base alone, with the remaining error; or a form of an installed package.",
     ),
-    output: Path | None = option(
+    output: Path | None = output_option(
         None,
         "FILE|FOLDER",
         "File to write, optional for offsets; for c and cffi a folder, whose name all names begin with; a folder with --samples.",
-        also="-o",
         writes="later",
     ),
     camera: str | None = option(None, "NAME", "The camera to write, of a calibration from images of several."),
@@ -61,15 +62,11 @@ def command(
         "Draw this many robots from the posterior, for urdf, mjcf, sdf and usd, with a table of parameters.",
         low=1,
     ),
-    task: Path | None = option(
-        None, "TASK.toml", "Fit offsets and measure losses over this task; by default over the joint ranges.", also="-t"
-    ),
+    task: Path | None = task_option("Fit offsets and measure losses over this task; by default over the joint ranges."),
     count: CountOption = 200,
     seed: Seed = 0,
     accept_loss: bool = option(False, help="Write the file even if its form cannot hold the whole calibration."),
-    accept_uncertain: bool = option(
-        False, help="Write the file even if the uncertainty over its poses exceeds three times the robot's tolerances."
-    ),
+    accept_uncertain: AcceptUncertainOption = False,
     out: OutputOptions,
 ) -> Result:
     """Export a calibrated robot, or fit the offsets of a controller."""

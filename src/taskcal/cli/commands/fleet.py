@@ -8,7 +8,7 @@ import typer
 
 import taskcal
 from taskcal.cli.command import argument, option, output_option
-from taskcal.cli.options.common import EngineOptions, UnsealedOption
+from taskcal.cli.options.common import EngineOptions, UnsealedOption, accuracy_option, robot_option
 from taskcal.cli.output import info
 from taskcal.cli.progress import bar_by_parts
 from taskcal.cli.run import File, OutputOptions, Result, count_as_written
@@ -32,7 +32,7 @@ class IdentifyOptions:
     identify: bool = option(
         False, help="Identify campaigns without a calibration: march.csv gives march.json beside it."
     )
-    robot: str | None = option(None, "ROBOT", "With --identify: the nominal robot of these campaigns.", also="-r")
+    robot: str | None = robot_option("With --identify: the nominal robot of these campaigns.")
     folds: int = option(5, "K", "With --identify: parts held out in turn, and predicted.", low=2)
 
     def __post_init__(self) -> None:
@@ -50,12 +50,8 @@ def command(
         ..., "ROBOTS/", "Folder with one folder (or file) per robot, which has its calibrations and campaigns."
     ),
     identifying: IdentifyOptions,
-    accuracy_mm: float | None = option(
-        None,
-        "MM",
-        "Required accuracy, 3D rms: exit status 1 if a robot's latest held-out error exceeds it.",
-        low=0.0,
-        ends=False,
+    accuracy_mm: float | None = accuracy_option(
+        "Required accuracy, 3D rms: exit status 1 if a robot's latest held-out error exceeds it."
     ),
     output: Path | None = output_option(None, "FLEET.csv", "Output CSV: a row per calibration."),
     unsealed: UnsealedOption = False,

@@ -28,6 +28,7 @@ from taskcal.identification.options import (
     read_effects,
 )
 from taskcal_groundwork.options import OptionError, Written, options_of
+from taskcal_groundwork.said import Said
 
 if TYPE_CHECKING:
     import taskcal.report.calibration
@@ -103,7 +104,7 @@ def command(
 
     model = taskcal.ErrorModel(described, lengths_only=geometry.lengths_only)
     if fitting.noise is not None and read.whole.uncertainty is not None:
-        info("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)")
+        info(Said("--mpe-to-sigma has no effect: the campaign states its own uncertainties (u_mm)"))
     fit = _Fit(
         model=model,
         fitting=fitting,

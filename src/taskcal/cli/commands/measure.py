@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import taskcal
-from taskcal.cli.command import option
+from taskcal.cli.command import option, output_option
 from taskcal.cli.options.common import RobotOption, TaskOption, look_at
 from taskcal.cli.options.observing import ObservingOptions, describe_fixtures
 from taskcal.cli.output import info, plain, say, show_facts, tell
@@ -133,12 +133,8 @@ def command(
     devices: DeviceOptions,
     observing: ObservingOptions,
     lengths: LengthOptions,
-    output: Path = option(
-        ...,
-        "CAMPAIGN.csv",
-        "The campaign; calibration and report are written beside it.",
-        also="-o",
-        writes="updated",
+    output: Path = output_option(
+        ..., "CAMPAIGN.csv", "The campaign; calibration and report are written beside it.", writes="updated"
     ),
     resume: bool = option(False, help="Go on with the campaign that is there."),
     station: Path | None = option(

@@ -9,7 +9,7 @@ import typer
 
 import taskcal
 from taskcal.cli.command import argument, option, output_option
-from taskcal.cli.options.common import RobotOptions
+from taskcal.cli.options.common import CellOption, RobotOptions
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.run import File, Result, Run
 from taskcal.correction.options import PlacementOptions
@@ -71,7 +71,7 @@ def command(
     what: list[Path] = argument(..., "PROGRAM|TASK.toml [MORE …]", "The files of a program, or a task."),
     of: RobotOptions,
     where: RegionOptions,
-    cell: Path | None = option(None, "CELL.toml", "Measured frames of the program's tools and parts."),
+    cell: CellOption = None,
     choice: PlacementOptions,
     output: Path | None = output_option(None, "MAP.csv", "Output CSV: all placements."),
     page: PageOptions,

@@ -11,7 +11,7 @@ import typer
 import taskcal
 from taskcal.cli.command import option, output_option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import CalibrationArgument, UnsealedOption, look_at, read_calibration
+from taskcal.cli.options.common import CalibrationArgument, UnsealedOption, look_at, read_calibration, task_option
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info
 from taskcal.cli.run import File, Result, Run
@@ -69,9 +69,7 @@ def command(
     run: Run,
     calibration: CalibrationArgument,
     unsealed: UnsealedOption = False,
-    task: Path | None = option(
-        None, "TASK.toml", "Judge the expected error over this task; show the TCP uncertainty.", also="-t"
-    ),
+    task: Path | None = task_option("Judge the expected error over this task; show the TCP uncertainty."),
     corrected: Path | None = option(
         None,
         "RESULT.json",

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import typer
@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 import taskcal
 from taskcal.analysis.identifiability import describe_combination
 from taskcal.cli.command import Command, argument, laid_out, option, output_option
-from taskcal.cli.options.common import ROBOT
+from taskcal.cli.options.common import ROBOT, ConventionOption
 from taskcal.cli.output import info
 from taskcal.cli.run import File, JsonOption, OutputOptions, Result
 from taskcal.geometry import se3
@@ -95,9 +95,7 @@ def show_robot(*, robot: str = argument(..., "ROBOT", ROBOT), as_json: JsonOptio
 class DescriptionOptions:
     """Options for reading another program's file."""
 
-    convention: Literal["dh", "mdh"] | None = option(
-        None, help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).", case_sensitive=False
-    )
+    convention: ConventionOption = None
     tip: str | None = option(None, "LINK", "Of a URDF: the tool's link; by default the end of its longest chain.")
     base: str | None = option(None, "LINK", "Of a URDF: the base link; by default its root.")
     units: str | None = option(

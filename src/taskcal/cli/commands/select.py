@@ -3,13 +3,8 @@
 from typing import TYPE_CHECKING
 
 import taskcal
-from taskcal.cli.command import option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import (
-    ModelOptions,
-    TaskOption,
-    metres,
-)
+from taskcal.cli.options.common import ModelOptions, TaskOption, accuracy_option, metres
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.output import info
 from taskcal.cli.run import Result, Run
@@ -30,9 +25,7 @@ def command(
     task: TaskOption,
     of: ModelOptions,
     measured: MeasuredOptions,
-    accuracy_mm: float | None = option(
-        None, "MM", "Allowed 3D rms error: select the smallest model that meets it.", low=0.0, ends=False
-    ),
+    accuracy_mm: float | None = accuracy_option("Allowed 3D rms error: select the smallest model that meets it."),
     choice: Written[SelectionOptions],
     page: PageOptions,
 ) -> Result:

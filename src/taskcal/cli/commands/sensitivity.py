@@ -9,7 +9,7 @@ import typer
 import taskcal
 from taskcal.cli.command import option, output_option
 from taskcal.cli.options.campaign import MeasuredOptions
-from taskcal.cli.options.common import REACHING, RobotOption, SpreadOptions, read_and_reach
+from taskcal.cli.options.common import REACHING, RobotOption, SpreadOptions, read_and_reach, task_option
 from taskcal.cli.options.page import PageOptions
 from taskcal.cli.run import File, Result, Run
 from taskcal.planning.options import ModelError
@@ -35,7 +35,7 @@ def command(
     *,
     run: Run,
     robot: RobotOption,
-    task: Path | None = option(None, "TASK.toml", "Poses of a task.", also="-t"),
+    task: Path | None = task_option("Poses of a task."),
     measured: MeasuredOptions,
     spread: SpreadOptions,
     sort: Literal["model", "influence"] = option(

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -15,6 +15,7 @@ from taskcal.errors import FileError
 from taskcal.identification.options import read_effects
 from taskcal.io.files import finish_writing
 from taskcal_groundwork.options import Option, Seed
+from taskcal_groundwork.said import Said
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -119,6 +120,31 @@ CalibrationArgument = Annotated[
         more={"callback": look_at_calibration},
     ),
 ]
+CalibrationOption = Annotated[
+    Path,
+    Option(
+        metavar="CAL.json",
+        help="Calibration written by taskcal identify.",
+        also="-c",
+        more={"callback": look_at_calibration},
+    ),
+]
+CellOption = Annotated[
+    Path | None,
+    Option(metavar="CELL.toml", help="Measured frames of tools and parts; by default those of the controller."),
+]
+ConventionOption = Annotated[
+    Literal["dh", "mdh"] | None,
+    Option(
+        help="Of a table. dh: Rz(θ)·Tz(d)·Tx(a)·Rx(α); mdh: Rx(α)·Tx(a)·Rz(θ)·Tz(d).", more={"case_sensitive": False}
+    ),
+]
+AcceptUncertainOption = Annotated[
+    bool,
+    Option(
+        help="Write the file even if the uncertainty exceeds three times the robot's tolerances, or a program's correction."
+    ),
+]
 CountOption = Annotated[
     int,
     Option(metavar="N", help="Number of poses, distributed over the task's workspace.", also="-n", low=1),
@@ -126,6 +152,21 @@ CountOption = Annotated[
 UnsealedOption = Annotated[
     bool, Option(help="Read calibrations that were edited after they were identified; every result says so.")
 ]
+
+
+def robot_option(help: str) -> Any:
+    """Declare ``--robot`` where a robot need not be given."""
+    return option(None, "ROBOT", help, also="-r")
+
+
+def task_option(help: str, **declared: Any) -> Any:
+    """Declare ``--task`` where a task need not be given, like `option`."""
+    return option(None, "TASK.toml", help, also="-t", **declared)
+
+
+def accuracy_option(help: str) -> Any:
+    """Declare ``--accuracy-mm``, a required accuracy."""
+    return option(None, "MM", help, low=0.0, ends=False)
 
 
 def metres(millimetres: float | None) -> float | None:
@@ -186,7 +227,7 @@ class RobotOptions:
         typer.BadParameter: neither, or both.
     """
 
-    robot: str | None = option(None, "ROBOT", ROBOT, also="-r")
+    robot: str | None = robot_option(ROBOT)
     calibration: Path | None = option(
         None, "CAL.json", "Use this calibration, with its effects, instead of --robot.", also="-c"
     )
@@ -256,7 +297,8 @@ def read_and_reach(
     poses = taskcal.reach_task(model, task, count, seed)
     missing = int(poses.unreachable.sum())
     if missing:
-        info(f"{missing} of {len(poses.unreachable)} poses of the task are out of the robot's reach and left out")
+        said = {"missing": missing, "all": len(poses.unreachable)}
+        info(Said("{missing} of {all} poses of the task are out of the robot's reach and left out", **said))
     return poses
 
 

@@ -36,7 +36,7 @@ from taskcal.registration.registration import nominal_poses, register
 from taskcal.registration.rotations import fit_rotations
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from taskcal.robot.error_model import EXACT, ErrorModel
-from taskcal_groundwork.said import Said
+from taskcal_groundwork.said import Said, joined
 
 Of = TypeVar("Of")
 Does = Literal["refuses", "holds back", "remarks"]
@@ -277,12 +277,25 @@ def rows_left_out(fit: Fit) -> Iterator[Values]:
         return
     turned = fit_rotations(fit.problem.layout.model, campaign)
     degrees = np.degrees(np.where(turned.wrong, turned.off, 0.0) if turned else np.zeros(len(campaign)))
-    every: list[str] = []
+    every: list[Said] = []
     for i in np.flatnonzero(np.isin(campaign.ids, list(out))):
-        row, turn = out[campaign.ids[i]], f" and its rotation {degrees[i]:.0f}°" if degrees[i] else ""
-        off = f"{row.distance * 1e3:.1f} mm{turn} off, {row.studentised:.0f} standard deviations"
-        every.append(f"{campaign.row(int(i))}, {off}")
-    yield {"count": len(out), "seen": int(campaign.seen.sum()), "named": listed(every, MAX_NAMED_ROWS, "; ")}
+        row = out[campaign.ids[i]]
+        told = {"row": campaign.row(int(i)), "off": row.distance * 1e3, "times": row.studentised}
+        every.append(
+            Said(
+                "{row}, {off:.1f} mm and its rotation {turn:.0f}° off, {times:.0f} standard deviations",
+                turn=float(degrees[i]),
+                **told,
+            )
+            if degrees[i]
+            else Said("{row}, {off:.1f} mm off, {times:.0f} standard deviations", **told)
+        )
+    more = [Said("and {more} more", more=len(every) - MAX_NAMED_ROWS)] if len(every) > MAX_NAMED_ROWS else []
+    yield {
+        "count": len(out),
+        "seen": int(campaign.seen.sum()),
+        "named": joined("; ", [*every[:MAX_NAMED_ROWS], *more]),
+    }
 
 
 # Of a fit: whether it tells what it is asked for.
@@ -763,7 +776,7 @@ def other_board(fit: Fit) -> Iterator[Values]:
         one = replace(campaign.of_targets(campaign.targets[:1]), observations=(), uncertainty=None)
         scale, name = find_length_scale(model, pair.in_rows_of(one, kind)), kind.boards[pair.board]
         if scale is not None and scale.differs(kind.u_scale[pair.board]):
-            board = "the board" if name == "board" else f"board {name}"
+            board = Said("the board") if name == "board" else Said("board {name}", name=name)
             yield {"said": board_said(board, scale.value)}
 
 
@@ -834,7 +847,7 @@ def overstated(fit: Fit) -> Iterator[Values]:
         if ratio * MAX_OVERSTATED >= 1.0:
             continue
         typical, rms = float(np.median(stated[seen, t])) * 1e3, float(np.sqrt(np.mean(left[seen] ** 2))) * 1e3
-        column = "u_mm" if len(campaign.targets) == 1 else f"u_mm of {name}"
+        column = "u_mm" if len(campaign.targets) == 1 else Said("u_mm of {name}", name=name)
         yield {
             "column": column,
             "stated": typical,

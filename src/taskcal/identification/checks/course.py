@@ -19,6 +19,7 @@ from taskcal.observations.base import TrackerNoise
 from taskcal.robot.conditions import drive_motion
 from taskcal.robot.error_model import ErrorModel
 from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said, joined, numeral
 
 SMOOTH_STEP = 0.25
 """Median step from row to row, in standard deviations of the joints' positions over the root of their number, up to which rows
@@ -191,43 +192,60 @@ def describe_event(event: Event, campaign: Campaign, robot: Robot) -> str:
     when, apart = _since(campaign, event.row), name_parts(campaign, event.row)
     if event.id == "target-slipped":
         names = ", ".join(campaign.targets[t] for t in slipped_targets(event))
-        other = "give it another name from there on, or identify" if campaign.rotations is None else "identify"
-        return (
-            f"{names} slipped by {slips(event).max() * 1e3:.1f} mm on the robot {when}: {other} the rows before and after by "
-            f"themselves: {apart}"
+        said = {"names": names, "slip": float(slips(event).max() * 1e3), "when": when, "apart": apart}
+        if campaign.rotations is None:
+            return Said(
+                "{names} slipped by {slip:.1f} mm on the robot {when}: give it another name from there on, or identify the rows "
+                "before and after by themselves: {apart}",
+                **said,
+            )
+        return Said(
+            "{names} slipped by {slip:.1f} mm on the robot {when}: identify the rows before and after by themselves: {apart}",
+            **said,
         )
     if event.id == "encoder-jumped":
         joint, size = event.source.of[0], float(event.motion[0, 0])
-        by = f"{abs(size) * 1e3:.2f} mm" if robot.prismatic[joint] else f"{abs(np.degrees(size)):.2f}°"
-        return (
-            f"the zero of {robot.joint_names[joint]} jumped by {by} {when}: see to its encoder, brake and zero, and measure "
-            f"again; or identify the rows before and after by themselves: {apart}"
+        by = numeral(float(np.degrees(abs(size))), ".2f")
+        return Said(
+            "the zero of {joint} jumped by {by} {when}: see to its encoder, brake and zero, and measure again; or identify the "
+            "rows before and after by themselves: {apart}",
+            joint=robot.joint_names[joint],
+            by=Said("{mm:.2f} mm", mm=abs(size) * 1e3) if robot.prismatic[joint] else joined("", (by, "°")),
+            when=when,
+            apart=apart,
         )
     if event.id == "station-moved":
         return describe_move(campaign, event.row, event.displacement)
     if event.id == "drift":
-        back = "" if event.order == 1 else " and back, or unevenly,"
-        of = "" if campaign.stations is None else f" of station {campaign.stations.names[event.source.of[0]]}"
-        return (
-            f"tracker or base moved by about {event.displacement * 1e3:.1f} mm{back} from the first row{of} to the last: measure "
-            "again, with fixed reference points beside each pose, which are followed"
+        by = Said("{moved:.1f} mm", moved=event.displacement * 1e3)
+        first = Said("the first row")
+        if campaign.stations is not None:
+            first = Said("the first row of station {name}", name=campaign.stations.names[event.source.of[0]])
+        return Said(
+            "tracker or base moved by about {by} from {first} to the last: measure again, with fixed reference points beside each "
+            "pose, which are followed",
+            by=by if event.order == 1 else Said("{by} and back, or unevenly,", by=by),
+            first=first,
         )
-    return (
-        f"the clocks of joints and points run apart: the points were read {_describe_lag(event, campaign)}, off by "
-        f"{event.displacement * 1e3:.1f} mm: pair them by one clock, or measure where the robot stands still"
+    return Said(
+        "the clocks of joints and points run apart: the points were read {lag}, off by {off:.1f} mm: pair them by one clock, or "
+        "measure where the robot stands still",
+        lag=_describe_lag(event, campaign),
+        off=event.displacement * 1e3,
     )
 
 
 def _describe_lag(event: Event, campaign: Campaign) -> str:
     """When points were read, if not with the joints: in the middle row, and how that changes."""
     lag, more = float(event.motion[0, 0]), float(event.motion[1:].sum())
-    middle, unit = lag + 0.5 * more, " s" if campaign.time is not None else " rows"
-    on_path = event.source.of == (PATH,)
-    said = f"{abs(middle) if on_path else 1e2 * abs(middle):.2g}"
-    change = f" (from {lag:+.2g} to {lag + more:+.2g})" if more else ""
-    if on_path:
-        return f"{said}{unit} {'after' if middle > 0.0 else 'before'} the joints{change}"
-    return f"{said} % of the way {'from the row before' if event.source.of == (FROM_LAST,) else 'to the next row'} off the joints"
+    middle = lag + 0.5 * more
+    if event.source.of != (PATH,):
+        if event.source.of == (FROM_LAST,):
+            return Said("{share:.2g} % of the way from the row before off the joints", share=1e2 * abs(middle))
+        return Said("{share:.2g} % of the way to the next row off the joints", share=1e2 * abs(middle))
+    by = Said("{lag:.2g} s", lag=abs(middle)) if campaign.time is not None else Said("{lag:.2g} rows", lag=abs(middle))
+    said = Said("{by} after the joints", by=by) if middle > 0.0 else Said("{by} before the joints", by=by)
+    return Said("{said} (from {lag:+.2g} to {last:+.2g})", said=said, lag=lag, last=lag + more) if more else said
 
 
 def slips(event: Event) -> Float[np.ndarray, " targets"]:
@@ -248,20 +266,23 @@ def slipped_targets(event: Event) -> tuple[int, ...]:
 
 def describe_move(campaign: Campaign, row: int, move: float) -> str:
     """A move of tracker or base before a row, by some metres, and its remedy."""
-    return (
-        f"tracker or base moved by about {move * 1e3:.1f} mm {_since(campaign, row)}: name the rows before and those from there "
-        "on as two stations in a column station (taskcal doctor --fix writes it), and each has a frame of its own in a fit"
+    return Said(
+        "tracker or base moved by about {move:.1f} mm {when}: name the rows before and those from there on as two stations in a "
+        "column station (taskcal doctor --fix writes it), and each has a frame of its own in a fit",
+        move=move * 1e3,
+        when=_since(campaign, row),
     )
 
 
 def name_parts(campaign: Campaign, row: int) -> str:
     """Options that choose the rows before a row, and those from there on; not those between, which were not fitted."""
     first, before, cut, last = (campaign.row_of(number) for number in (0, row - 1, row, len(campaign) - 1))
-    return f"--rows {first}:{before + 1} and --rows {cut}:{last + 1}"
+    return Said("--rows {before} and --rows {after}", before=f"{first}:{before + 1}", after=f"{cut}:{last + 1}")
 
 
 def _since(campaign: Campaign, row: int) -> str:
     """Where something happened before a row: of the rows between it and the last one that was fitted before, none tells."""
     if campaign.row_of(row) <= campaign.row_of(row - 1) + 1:
-        return f"before {campaign.row(row)}"
-    return f"between {campaign.row(row - 1)} and {campaign.row(row)}, where rows are that were not fitted"
+        return Said("before {row}", row=campaign.row(row))
+    said = {"last": campaign.row(row - 1), "row": campaign.row(row)}
+    return Said("between {last} and {row}, where rows are that were not fitted", **said)

@@ -15,6 +15,7 @@ from taskcal.robot.joint_side import Shift
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import Load
 from taskcal_groundwork.plugins import load_plugins, state_faults
+from taskcal_groundwork.said import Said, term
 
 # Every effect that is defined, by the key people name it by and by the name files know it by.
 
@@ -253,10 +254,10 @@ DEFLECTION = 3e-4
 Quantity = Literal["approach", "move", "temperature", "time"]
 
 _SHOWN: Mapping[Quantity, str] = {
-    "approach": "side from which its joints came",
-    "move": "last move of its joints",
-    "temperature": "temperature",
-    "time": "time",
+    "approach": Said("side from which its joints came"),
+    "move": Said("last move of its joints"),
+    "temperature": Said("temperature"),
+    "time": Said("time"),
 }
 """What a campaign may tell of its rows beside joints and points: the fields of `Conditions`."""
 
@@ -380,10 +381,12 @@ class Effect:
             if (values := getattr(conditions, quantity)) is None or not np.isfinite(values).all()
         ]
         if missing:
-            return f"not every row states the {_SHOWN[missing[0]]}"
+            return Said("not every row states the {quantity}", quantity=_SHOWN[missing[0]])
         if cls.needs:
-            return f"the rows hardly differ in {_SHOWN[cls.needs[0]]}"
-        return cls.asks_for or "its parameters are part of the model, or of another effect"
+            return Said("the rows hardly differ in {quantity}", quantity=_SHOWN[cls.needs[0]])
+        return (
+            term(cls.asks_for) if cls.asks_for else Said("its parameters are part of the model, or of another effect")
+        )
 
     def referred(self, conditions: Conditions) -> "Effect":
         """The effect with what it refers to taken from a campaign that tells what it needs; by default as it is."""

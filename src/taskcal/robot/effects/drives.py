@@ -15,6 +15,7 @@ from taskcal.robot.effects.load_path import LoadPath, at_motors, sample_poses
 from taskcal.robot.parameter import ShownUnit
 from taskcal.robot.robot import Robot
 from taskcal.robot.statics import STANDARD_GRAVITY, Body, CoilSpring, Load
+from taskcal_groundwork.said import Said
 
 # Joints that move a little with others.
 
@@ -32,7 +33,7 @@ class Coupling(Effect):
 
     key = "coupling"
     label = "coupling"
-    asks_for = "the last three axes do not meet in a point, and the last joints are not of one shaft"
+    asks_for = Said("the last three axes do not meet in a point, and the last joints are not of one shaft")
     summary = "coupling of the wrist: each joint moves a little with another"
 
     pairs: tuple[tuple[str, str], ...] | None = None
@@ -326,9 +327,14 @@ class Compliance(Effect):
             total = deviation + (0.0 if stiffness is None else 1.0 / stiffness)
             if total < -CERTAIN_SIGMAS * error:
                 out.append(
-                    f"the compliance of {joint} is {total * unit.factor:.3g} {unit.name} (standard error "
-                    f"{error * unit.factor:.2g}), but no drive yields against its load: something else there has the shape of "
-                    "gravity; do not predict other loads with it"
+                    Said(
+                        "the compliance of {joint} is {total:.3g} {unit} (standard error {error:.2g}), but no drive yields against "
+                        "its load: something else there has the shape of gravity; do not predict other loads with it",
+                        joint=joint,
+                        total=total * unit.factor,
+                        unit=unit.name,
+                        error=error * unit.factor,
+                    )
                 )
         return out
 
@@ -399,7 +405,7 @@ class Spring(Effect):
 
     key = "spring"
     label = "spring"
-    asks_for = "the robot file states no spring"
+    asks_for = Said("the robot file states no spring")
     summary = "deflection of the drive of axis 2 by a spring: the robot file's, or one of unknown size"
 
     def suits(self, robot: Robot) -> bool:

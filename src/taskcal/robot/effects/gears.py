@@ -13,6 +13,7 @@ from taskcal.robot.effects.base import Effect, LinearTerm, at_joints
 from taskcal.robot.effects.drives import turn_of
 from taskcal.robot.effects.load_path import LoadPath, at_motors
 from taskcal.robot.robot import Robot
+from taskcal_groundwork.said import Said
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,7 @@ class Harmonics(Effect):
 
     key = "harmonics"
     label = "gear harmonics"
-    asks_for = "no joint turns"
+    asks_for = Said("no joint turns")
 
     orders: tuple[int | float, ...] = (1, 2)
     """Periods in a turn of the joint; whole numbers, but for what recurs with the turns of a motor or a gear in between."""
@@ -162,7 +163,7 @@ class MotorHarmonics(Effect):
 
     key = "motor"
     label = "motor harmonics"
-    asks_for = "the robot file states no gear ratio"
+    asks_for = Said("the robot file states no gear ratio")
     summary = "gear errors of orders 1 and 2 per turn of the motor, for joints with `gear_ratio` in the robot file"
 
     orders: tuple[int, ...] = (1, 2)
