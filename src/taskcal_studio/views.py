@@ -62,6 +62,9 @@ PICKED_WITHIN = 0.04
 POINT_SHARE, MAX_FULL_SIZE = 0.02, 1000
 """Of the size of a scene, of a point's size; and points beyond which they are drawn smaller, as their distance is."""
 
+FEW_POINTS_LARGER = 3.0
+"""That few points are drawn larger at most, where nothing but them is in a scene."""
+
 Places = Float[np.ndarray, "k 3"]
 Bar = tuple[Float[np.ndarray, "2 3"], float, str]
 """Ends and radius of a straight part, metres, and its material."""
@@ -132,7 +135,8 @@ class CellView:
             if robot is not None:
                 self._robot = _RobotDrawing(self.scene, robot, q[0], meshes, 0.6 * axes)
             if len(cloud):
-                point_size = self.size * POINT_SHARE * min(1.0, (MAX_FULL_SIZE / len(cloud)) ** (1.0 / 3.0))
+                largest = 1.0 if robot is not None else FEW_POINTS_LARGER
+                point_size = self.size * POINT_SHARE * min(largest, (MAX_FULL_SIZE / len(cloud)) ** (1.0 / 3.0))
                 self._cloud = self.scene.point_cloud(cloud.tolist(), linear(colours).tolist(), point_size)
             for x, y, z in instruments.tolist():
                 foot, head = 0.12 * self.size, 0.03 * self.size
@@ -148,9 +152,12 @@ class CellView:
             for box in keep_out:
                 drawn = self.scene.box(*box.size.tolist()).material(KEEP_OUT, opacity=0.35)
                 drawn.rotate_R(box.pose[:3, :3].tolist()).move(*box.pose[:3, 3].tolist())
-            self.scene.axes_helper(axes)
-            for letter, place in zip("XYZ", 1.15 * axes * np.eye(3), strict=True):
-                self.scene.text(letter).move(*place)
+            corner = (
+                np.zeros(3) if robot is not None else self._seen.min(axis=0)
+            )  # the base may be far away from points alone
+            self.scene.axes_helper(axes).move(*corner.tolist())
+            for letter, place in zip("XYZ", corner + 1.15 * axes * np.eye(3), strict=True):
+                self.scene.text(letter).move(*place.tolist())
         self.look("oblique")
 
     def move(self, q: Float[np.ndarray, " joints"]) -> None:
@@ -176,17 +183,18 @@ class CellView:
         place, at = fitted_camera(np.array(VIEWS[view]), self._seen)
         self.scene.move_camera(*place.tolist(), *at.tolist(), duration=0.0)
 
-    def draw_arrows(self, numbers: Sequence[int], arrows: Places, scale: float) -> None:
+    def draw_arrows(self, numbers: Sequence[int], arrows: Places, scale: float, colour: str = ARROW) -> None:
         """Draw a line from each of some points.
 
         Args:
             numbers: of the points.
             arrows: from them, metres.
             scale: how many times as long as they are.
+            colour: of the lines.
         """
         with self.scene, self.scene._batch_calls():  # pyright: ignore[reportPrivateUsage]
             for number, arrow in zip(numbers, arrows, strict=True):
-                line = self.scene.line([0.0, 0.0, 0.0], arrow.tolist()).material(ARROW)
+                line = self.scene.line([0.0, 0.0, 0.0], arrow.tolist()).material(colour)
                 self._arrows.append(line.move(*self._points[number].tolist()))
         self.stretch_arrows(scale)
 

@@ -74,6 +74,10 @@ LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
 """Colours of no error and of the largest: light blue and dark red, which differ in grey and to those who see no red, too."""
 
 
+MAX_JOINED, PATH = 1000, "#7b8794"
+"""Targets of a program, at most, that are joined by lines, and the colour of these; more lie so close that they show the path."""
+
+
 async def build(studio: Studio, texts: Texts) -> None:
     """Fill the page."""
     project = studio.project
@@ -277,11 +281,14 @@ def _along(points: np.ndarray, errors: np.ndarray, places: list[str], texts: Tex
         picked.set_text(f"{places[number]}: {before} mm → {after} mm")
 
     view = CellView(None, np.zeros((0, 0)), cloud=points, colours=colours[:, 0], on_pick=pick, targets=1)
+    if len(points) <= MAX_JOINED:
+        view.draw_arrows(range(len(points) - 1), np.diff(points, axis=0), 1.0, PATH)
     with ui.element("div").classes("row"):
         tick(texts("program.show_after"), False, lambda after: view.colour(colours[:, int(after)]))
         add_views(view, texts("program.along_of", count=len(points)), texts)
     colour_bar(LOW.tolist(), HIGH.tolist(), limit_mm)
     picked = text("p", texts("program.colours")).props("role=status")
+    text("p", " × ".join(f"{edge * 1e3:.0f}" for edge in np.ptp(points, axis=0).tolist()) + " mm").classes("quiet")
 
 
 def _changes(project: Project, corrected: str) -> list[str]:
