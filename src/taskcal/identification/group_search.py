@@ -178,7 +178,7 @@ LOWEST_LINE = max(SPECTRUM.orders) + 0.5
 def find_lines(base: Calibration, campaign: Campaign, options: FitOptions) -> list[tuple[str, float]]:
     """Joints and orders above the spectrum's that what geometry leaves proves, before the other effects take part.
 
-    Among the rows the spectrum, whose common size it raises, and the smooth field may follow such a line, so that nothing of it is
+    Among few rows the spectrum, whose common size it raises, and the smooth field may follow such a line, so that nothing of it is
     left to be found. Beyond the rows they go on where it does not.
 
     Args:
@@ -461,7 +461,9 @@ def find_group_model(
     if SPECTRUM in effects:
         progress(SHARPENING)
         start = Sharpened(others=effects, lines=[], fitted=fitted)
-        best, lines = sharpen(base, campaign, start, options, like), find_lines(base, campaign, options)
+        best, lines = sharpen(base, campaign, start, options, like), list[tuple[str, float]]()
+        if fitted.end.y.size < fitted.end.A.shape[2]:  # more parameters than numbers follow any line
+            lines = find_lines(base, campaign, options)
         if set(lines) - set(best.lines):
             progress(SHARPENING)
             first = prove_lines(base, campaign, lines, start, options, like)
