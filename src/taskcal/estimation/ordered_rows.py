@@ -173,12 +173,9 @@ def _displacement(event: Event, source: Source, unit: Float[np.ndarray, "m b"]) 
     at = source.concerned
     by_motion = source.columns[at][:, :3, : event.taken] * unit[at][:, :3, None]
     courses = _legendre(np.linspace(-1.0, 1.0, 21), event.order) if event.order else np.array([[0.0], [1.0]])
-    moved = np.linalg.norm(np.einsum("mbc,kc->kmb", by_motion, _differences(courses) @ event.motion.T), axis=2)
+    apart = (courses[:, None] - courses).reshape(-1, courses.shape[1])
+    moved = np.linalg.norm(np.einsum("mbc,kc->kmb", by_motion, apart @ event.motion.T), axis=2)
     return float(np.median(moved, axis=1).max())
-
-
-def _differences(courses: Float[np.ndarray, "k order"]) -> Float[np.ndarray, "kk order"]:
-    return (courses[:, None] - courses).reshape(-1, courses.shape[1])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -251,7 +248,8 @@ def _event(
     explained, motion = fit.explain(columns)
     moved = columns @ motion
     after = fit.left - moved + fit.basis @ (fit.basis.T @ moved)
-    before, after = (np.sqrt((_positions(x, rows.unit) ** 2).sum(axis=1).mean()) for x in (fit.left, after))
+    positions = ((left.reshape(rows.unit.shape) * rows.unit)[:, :3] for left in (fit.left, after))
+    before, after = (np.sqrt((one**2).sum(axis=1).mean()) for one in positions)
     gain = fit.gain(explained, columns.shape[1], tried)
     return Event(
         source=source,
@@ -265,10 +263,6 @@ def _event(
         before=float(before),
         after=float(after),
     )
-
-
-def _positions(left: Float[np.ndarray, " numbers"], unit: Float[np.ndarray, "m b"]) -> Float[np.ndarray, "m _"]:
-    return (left.reshape(unit.shape) * unit)[:, :3]
 
 
 def _best_cut(rows: OrderedRows, source: Source, fit: _Projected) -> tuple[int, int] | None:

@@ -104,6 +104,11 @@ SLOW = Stopping(decrement=1e-8, iterations=500)
 prior holds them: without a tracker, and with fewer measured numbers than unknowns. The last step is of 10⁻⁴ standard deviations."""
 
 
+def stopping_of(problem: Problem) -> Stopping:
+    """When a fit of a problem ends."""
+    return Stopping() if problem.layout.tracked else SLOW
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Weighed:
     """A solution under given hyperparameters."""
@@ -250,7 +255,7 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     Raises:
         FitError: the fit did not converge.
     """
-    final = Stopping() if problem.layout.tracked else SLOW
+    final = stopping_of(problem)
     if prior.parameters is None:
         final = Stopping(decrement=UNDAMPED_END, decrease=1e-6)
     loose = replace(final, decrement=max(final.decrement, LINEAR_WITHIN))
@@ -293,18 +298,9 @@ def fit_with_hyperparameters(problem: Problem, prior: PriorOfEstimate, options: 
     )
 
 
-def _is_linear(problem: Problem, prior: PriorOfEstimate) -> bool:
-    """Whether rows are taken as linear near an estimate."""
-    return problem.layout.tracked and prior.parameters is not None
-
-
 def _search(part: Problem, prior: PriorOfEstimate, one: GroupModel, errors: PoseNoise, loose: Stopping) -> GroupFit:
-    """Find model error and prior scale, and the estimate under them.
-
-    Raises:
-        FitError: the fit did not converge.
-    """
-    linear, z = _is_linear(part, prior), part.layout.start()
+    """Find model error and prior scale, and the estimate under them."""
+    linear, z = part.layout.tracked and prior.parameters is not None, part.layout.start()
 
     def fit_from(begin: np.ndarray, hyper: Hyperparameters) -> Moved:
         # a fit that is damped, where a step to the posterior mean may lead to lengths that do not close
@@ -327,9 +323,6 @@ def _with_sibling(
     """Hyperparameters as expected by a sibling, where the rows are more probable so; else those without.
 
     What is expected of any robot is that its prior's scale is about 1, and its model error `TYPICAL`.
-
-    Raises:
-        FitError: the fit did not converge.
     """
     groups = plain.group_model.groups
     proper = replace(plain.group_model, groups=replace(groups, spread=np.minimum(groups.spread, STATED_VARIANCE)))

@@ -10,9 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError, FitError
-from taskcal.estimation.least_squares import Stopping, fit
-from taskcal.estimation.matrices import invert_positive
+from taskcal.errors import CampaignError
 from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.calibration import (
@@ -33,9 +31,9 @@ from taskcal.identification.held_out import (
     shared_with_neighbours,
     studentise,
 )
-from taskcal.identification.hyperparameters import SLOW
+from taskcal.identification.hyperparameters import Hyperparameters, fit_weighed, stopping_of
 from taskcal.identification.identify import fit_nominal
-from taskcal.identification.layout import errors_by_unlocated, frame_precision, layout_of, unlocated_directions
+from taskcal.identification.layout import errors_by_unlocated, layout_of, prior_of
 from taskcal.identification.measured_range import MeasuredRange, name_rows
 from taskcal.identification.options import FitOptions
 from taskcal.identification.problem import Problem, problem_of, whitener
@@ -173,27 +171,18 @@ def reregister_frames(
 
 
 def _fit_frames(problem: Problem, calibration: Calibration) -> tuple[Float[np.ndarray, " z"], Float[np.ndarray, "z z"]]:
-    """Estimate of tracker frame and targets, and its covariance.
-
-    Raises:
-        FitError: the fit did not converge.
-    """
+    """Estimate of tracker frame and targets, and its covariance."""
     start, targets, width = problem.layout.start(), len(problem.layout.targets), problem.layout.block_size
     position, rotation = np.maximum(np.square(np.resize(calibration.model_error, 2)), MIN_VARIANCE)
     joints = np.zeros(len(calibration.model.robot.joints))
     joints[: len(calibration.joint_error)] = np.square(calibration.joint_error)
     errors = PoseNoise(position=float(position), rotation=float(rotation) if width == 6 else None, joints=joints)
     blocks = of_targets(problem.linearise(start).covariance(errors, problem.noise), targets)
-    equations = problem.equations(whitener(blocks))
-    precision = frame_precision(problem.layout)
-    found = fit(
-        equations, start, start, precision, np.full(len(start), 1e-3), Stopping() if problem.layout.tracked else SLOW
-    )
-    if not found.converged:
-        raise FitError(f"tracker frame and targets could not be refitted: {found.reason}; check the campaign's rows")
-    F = invert_positive(found.information + precision)
-    held = errors_by_unlocated(unlocated_directions(problem.layout), F, found.information)
-    return found.z, F + held @ held.T
+    prior, equations = prior_of(problem.layout, "tolerances"), problem.equations(whitener(blocks))
+    hyper = Hyperparameters(variances=errors.variances[: width // 3], prior_factor=1.0)
+    by = fit_weighed(problem, prior, hyper, start, stopping_of(problem), equations=equations)
+    held = errors_by_unlocated(prior.unlocated, by.posterior, by.solution.information)
+    return by.solution.z, by.posterior + held @ held.T
 
 
 # A calibration put to the test by a campaign that it has not seen: point by point, with what it stated of its own

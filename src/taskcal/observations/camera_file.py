@@ -163,12 +163,7 @@ def _of_yaml(path: Path) -> StatedCamera:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
-    """Keys and values of a file.
-
-    Raises:
-        FileError: it is no YAML with keys.
-        TaskcalError: PyYAML is not installed.
-    """
+    """Keys and values of a file."""
     try:
         import yaml
     except ImportError as error:

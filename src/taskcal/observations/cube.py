@@ -304,11 +304,7 @@ class Cubes(Touching):
         return placed._replace(unknown=(placed.unknown.reshape(-1, 10) * [*(6 * [1.0]), *(4 * [0.0])]).reshape(-1))
 
     def _refuse_narrow(self, found: Found) -> None:
-        """See that the touches tell how every cube is turned, wherever the tip is.
-
-        Raises:
-            CampaignError: they do not.
-        """
+        """See that the touches tell how every cube is turned, wherever the tip is."""
         residual, by_x = found.rows.linearise(found.x)
         rms = float(np.sqrt(found.weight @ residual[:, 0] ** 2 / found.weight.sum()))
         by_pose = by_x[:, 0, 3:].reshape(len(by_x), -1, 10)[:, :, :6].reshape(len(by_x), -1)
@@ -337,11 +333,7 @@ class Cubes(Touching):
         return replace(rows, deviations=free.reshape(-1)).improve(start, scale=None, held=np.eye(3))[0][3:]
 
     def _start(self, fitted: FittedPlanes, known: Float[np.ndarray, " u"] | None) -> Float[np.ndarray, " u"]:
-        """Start of each cube, from planes on three axes at least; else where it is known to be.
-
-        Raises:
-            CampaignError: neither tells.
-        """
+        """Start of each cube, from planes on three axes at least; else where it is known to be."""
         out = np.zeros((len(self.sizes), 10))
         for number, size in enumerate(self.sizes):
             there = (self._cube == number) & np.isfinite(fitted.planes).all(axis=1)

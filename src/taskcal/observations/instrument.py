@@ -693,11 +693,7 @@ def _unwound(model: ErrorModel, q: Float[np.ndarray, "n joints"]) -> Float[np.nd
 
 
 def _refuse_unreached(model: ErrorModel, instrument: Instrument, found: list[Float[np.ndarray, "_ joints"]]) -> None:
-    """Check that the robot reaches every fixture.
-
-    Raises:
-        ReachError: it does not; the message says what, and how near it comes.
-    """
+    """Check that the robot reaches every fixture."""
     missed = [fixture for fixture, q in enumerate(found) if not len(q)]
     if not missed:
         return

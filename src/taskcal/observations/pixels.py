@@ -489,14 +489,7 @@ class Pixels(Standalone):
         M: Float[np.ndarray, "pictures 4 4"],
         usable: Bool[np.ndarray, " pictures"],
     ) -> None:
-        """Fill in where cameras and boards are, from one to the next that have pictures together.
-
-        Args:
-            out: the unknowns.
-            target: its pose at each picture.
-            M: what moves in the frame of what stands, of each picture.
-            usable: which pictures count.
-        """
+        """Fill in where cameras and boards are, from one to the next; M is what moves, as seen from what stands."""
         of, others = self.sightings, self.moving[1:]
         first = len(out) - 6 * len(others)
         carried: dict[int, np.ndarray] = {0: np.eye(4)}
