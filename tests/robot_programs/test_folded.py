@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from gc import collect
 from pathlib import Path
 from random import Random
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -11,10 +13,11 @@ import pytest
 from robot_programs import Frame, read_program
 from robot_programs.core import folded
 from robot_programs.core.folded import FoldedProgram
-from robot_programs.core.program import Program, Surroundings, Target
+from robot_programs.core.program import Program, Surroundings, Target, Waypoint
 from robot_programs.core.source import Source, read_source
 from robot_programs.languages import language_of
 from robot_programs.reading import parse_program
+from taskcal.robot.catalogue import load_robot
 
 TOOL = Frame(name="gun", T=np.diag([1.0, -1.0, -1.0, 1.0]))
 
@@ -191,11 +194,30 @@ def test_a_line_between_alike_ones_is_not_taken_for_them(name, head, lines, monk
     np.testing.assert_allclose([a.end.T for a in one.motions], [b.end.T for b in other.motions], atol=1e-12)
 
 
-def test_a_long_program_is_edited_as_a_short_one(tmp_path: Path):
+@pytest.fixture
+def long(tmp_path: Path) -> Path:
     path = tmp_path / "long.mod"
     line = "MoveL [[{},0,5],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tool0;\n"
     path.write_text(f"MODULE m\nPROC main()\n{''.join(line.format(k) for k in range(600))}ENDPROC\nENDMODULE\n")
-    program = read_program(path)
+    return path
+
+
+def test_what_is_read_for_writing_is_given_back(long: Path):
+    program = read_program(long)
+    assert isinstance(program, FoldedProgram)
+    T = np.eye(4)
+    T[:3, 3] = 0.3, 0.02, 0.005
+    paths = {300: (Waypoint(kind="linear", q=np.zeros(6), T=T),)}
+    robot, whole = load_robot("abb-irb120"), ref(program.unfolded)
+    assert len(program.unfolded.motions) == 600
+    written = program.rewrite(robot, paths)
+    collect()
+    assert whole() is None
+    assert program.rewrite(robot, paths) == written
+
+
+def test_a_long_program_is_edited_as_a_short_one(long: Path):
+    path, program = long, read_program(long)
     assert isinstance(program, FoldedProgram)
     T = np.eye(4)
     T[:3, 3] = 0.3, 0.02, 0.005

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Literal, Self, TypeVar
 
@@ -340,14 +340,22 @@ class FlowState:
     variables: Mapping[Any, Any] = field(default_factory=dict[Any, Any])
     """What is known of data, by their keys."""
 
+    def having(self, **changed: Any) -> Self:
+        """The same with other fields, in a third of the time that `replace` takes: most lines change some."""
+        made = object.__new__(type(self))
+        vars(made).update(vars(self), **changed)
+        return made
+
     def forgotten(self, keys: Iterable[Any]) -> Self:
         """State in which nothing is known of some data."""
-        lost = self.variables.keys() & set(keys)
-        return replace(self, variables={k: v for k, v in self.variables.items() if k not in lost}) if lost else self
+        keys = keys if isinstance(keys, frozenset) else set(keys)
+        if self.variables.keys().isdisjoint(keys):
+            return self
+        return self.having(variables={k: v for k, v in self.variables.items() if k not in keys})
 
     def holding(self, values: Mapping[Any, Any]) -> Self:
         """State in which some data hold something else."""
-        return replace(self, variables={**self.variables, **values}) if values else self
+        return self.having(variables={**self.variables, **values}) if values else self
 
     def joined(self, others: Sequence[Any], why: str) -> Self:
         """Join the states after several ways.
@@ -358,16 +366,23 @@ class FlowState:
         """
         states, variables = (self, *others), self.variables
         if any(other.variables is not variables for other in others):
-            keys = dict.fromkeys(key for state in states for key in state.variables)
-            variables = {key: one for key in keys if (one := self._of_all(key, states, why)) is not None}
+            variables = self._of_all([state.variables for state in states], why)
         lasts = {state.last for state in states}
         last = self.last if len(lasts) == 1 else None if lasts & {None, ENTRY} else SOMEWHERE
-        return replace(self, last=last, variables=variables)
+        return self.having(last=last, variables=variables)
 
-    def _of_all(self, key: Any, states: Sequence[Any], why: str) -> Any:
-        """What is known of a datum after several ways; None for nothing."""
-        first, *others = [state.variables.get(key) for state in states]
-        return first if all(other is first for other in others) else self.common([first, *others], why)
+    def _of_all(self, held: Sequence[Mapping[Any, Any]], why: str) -> dict[Any, Any]:
+        """What is known of data after several ways."""
+        found, (first, *others) = dict[Any, Any](), held
+        for key in dict.fromkeys(key for one in held for key in one):
+            value = first.get(key)
+            for other in others:
+                if other.get(key) is not value:
+                    value = self.common([one.get(key) for one in held], why)
+                    break
+            if value is not None:
+                found[key] = value
+        return found
 
     def common(self, values: Sequence[Any], why: str) -> Any:
         """What is known of a datum after several ways; None for nothing.
@@ -493,7 +508,7 @@ class Flow(ABC, Generic[S, R]):
         if summary is None:
             unclear, firsts = self.unclear, set[int]()
             self.entered_behind.append((entry.last, firsts))
-            end, returned = self.walk(routine, (*inside, routine)).through(replace(entry, last=ENTRY))
+            end, returned = self.walk(routine, (*inside, routine)).through(entry.having(last=ENTRY))
             self.entered_behind.pop()
             if self.unclear == unclear:
                 self.summaries[key] = end, returned, firsts
@@ -502,7 +517,7 @@ class Flow(ABC, Generic[S, R]):
             for number in firsts:
                 self.note_order(number, entry.last)
         end = self.after_summary(routine, entry, end)
-        return (replace(end, last=entry.last) if end.last == ENTRY else end), returned
+        return (end.having(last=entry.last) if end.last == ENTRY else end), returned
 
     def depends_on(self, routine: R, entry: S) -> Hashable | None:
         """All on which depends what a routine does, but the motion before it; None where it is not summarised."""

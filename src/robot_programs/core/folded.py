@@ -19,9 +19,11 @@ from robot_programs.core.program import (
     NUMBER,
     LiteralForm,
     Motion,
+    Paths,
     Program,
     Target,
 )
+from robot_programs.core.robot import Robot
 from robot_programs.core.source import Place, Source, uncollected
 
 MIN_RUN = 20
@@ -81,9 +83,14 @@ def read_folded(
     def again(sources: tuple[Source, ...]) -> Program:
         return read_folded(sources, form, read)
 
+    @cache
+    def whole() -> Program:
+        return replace(read(sources), motions=())
+
     return FoldedProgram(
         sources=sources, motions=_numbered(few.motions, dict(inside.values())), diagnostics=few.diagnostics,
-        T_world_base=few.T_world_base, base_from=few.base_from, read=again, whole=cache(lambda: read(sources)),
+        T_world_base=few.T_world_base, base_from=few.base_from, read=again, whole=whole,
+        give_back=whole.cache_clear,
     )  # fmt: skip
 
 
@@ -223,7 +230,9 @@ class FoldedProgram(Program):
     """A program that was read from a few of its lines."""
 
     whole: Callable[[], Program]
-    """The same, of all its lines; read once."""
+    """The same, of all its lines and without motions; read once, until it is given back."""
+    give_back: Callable[[], None]
+    """Forget it."""
 
     @cached_property
     def unfolded(self) -> Program:
@@ -233,7 +242,16 @@ class FoldedProgram(Program):
             base_from=self.base_from, backup=self.backup,
         )  # fmt: skip
 
-    rewrite = _of_whole(Program.rewrite)
+    def rewrite(self, robot: Robot, waypoints: Paths) -> tuple[Source, ...]:
+        """The program's files with some motions rewritten; see `Program.rewrite`.
+
+        What was read of all lines takes more memory than all else, and nothing is asked of it behind that.
+        """
+        written = self.unfolded.rewrite(robot, waypoints)
+        self.give_back()
+        vars(self).pop("unfolded", None)
+        return written
+
     speed_edit = _of_whole(Program.speed_edit)
     unwritable = _of_whole(Program.unwritable)
     least_worst = _of_whole(Program.least_worst)

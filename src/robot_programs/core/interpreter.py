@@ -265,7 +265,7 @@ class Moment(flow.FlowState):
 
     def joined(self, others: Sequence[Any], why: str) -> "Moment":
         """Join the states after several ways; see `flow.FlowState.joined`."""
-        return replace(super().joined(others, why), armed=self.armed.union(*(other.armed for other in others)))
+        return super().joined(others, why).having(armed=self.armed.union(*(other.armed for other in others)))
 
     def common(self, values: Sequence[Any], why: str) -> Any:
         """What is known of a datum after several ways, with what is said behind its name where they differ; None for nothing."""
@@ -734,7 +734,7 @@ class Interpreter(flow.Flow[Moment, Routine]):
         kept = {key: value for key, value in entry.variables.items() if key not in concerns}
         if self.meaning.PLACES and routine in self.changes.moving:
             kept = {key: value for key, value in kept.items() if type(value) is not Here}
-        return replace(end, variables=kept | {key: value for key, value in end.variables.items() if key in concerns})
+        return end.having(variables=kept | {key: value for key, value in end.variables.items() if key in concerns})
 
 
 @dataclass(eq=False, kw_only=True)
@@ -1014,7 +1014,7 @@ class Walker(flow.FlowWalk[Moment, Routine]):
     def between(self, state: Moment) -> Moment:
         """State before a line, behind whatever runs beside the lines."""
         if self.routine in self.flow.changes.resuming:
-            state = replace(state, last=None, reached=True)
+            state = state.having(last=None, reached=True)
         if state.armed:
             lost, forgotten, moves = self.flow.disturbance(state.armed)
             if not all(state.variables.get(key) is value for key, value in lost.items()):
@@ -1030,7 +1030,7 @@ class Walker(flow.FlowWalk[Moment, Routine]):
         """State behind a motion, where data no longer say where the robot is."""
         if self.flow.meaning.PLACES and any(type(value) is Here for value in state.variables.values()):
             state = state.forgotten([key for key, value in state.variables.items() if type(value) is Here])
-        return state if state.last == last else replace(state, last=last)
+        return state if state.last == last else state.having(last=last)
 
     def behind(self, state: Moment) -> Moment:
         """State after the last line of a block, see `between`."""
@@ -1192,7 +1192,7 @@ class Walker(flow.FlowWalk[Moment, Routine]):
         lost = frozenset(keys).union(*(changes.effects.within[routine] for routine in line.routines))
         state = state if changes.moving.isdisjoint(line.routines) else self._moved(state, None)
         said = meaning.lost_all(lost, f"{routine.name} sets it")
-        return replace(state.forgotten(lost).holding(said), armed=armed), None
+        return state.forgotten(lost).holding(said).having(armed=armed), None
 
     def _has_two_names(self, call: Do | Ask, routine: Routine, argument: Expression, parameter: Key) -> bool:
         """Whether what a parameter stands for is set by another name, too: its own one, or another parameter."""

@@ -331,6 +331,7 @@ def lowered(units: Sequence[ScriptUnit], tool: Frame | None, corrects: str) -> L
     for routine, scope in scopes.items():
         own = [*scope.beginning(tool)] if not routine.unit.kind else []
         routine.nodes = (*own, *scope.block(routine.unit.head.body))
+        routine.unit.head.body.clear()  # its words take more memory than its nodes
     return found
 
 

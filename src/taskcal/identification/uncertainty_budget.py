@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from taskcal.errors import TaskcalError
 from taskcal.identification.calibration import Calibration
+from taskcal.kernels.chunks import in_chunks
 from taskcal_groundwork.said import Said
 
 COVERAGE_FACTOR = 2.0
@@ -105,15 +106,8 @@ def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> s
     """
     if not len(q):
         return ""
-    model = calibration.model
-    by_tolerance = model.jacobian(q, calibration.estimate)[:, :3] * model.tolerances
-    # What grows beyond the measured range is the error of what is predicted. Where the tool is beside the target does not grow, nor
-    # where the base is: the one is in the tool's covariance in the base, the other in the target's in the tracker frame.
-    growth = calibration.growth_at(q)
-    tool = np.trace(calibration.tool_covariance(q, frame="base", model_error=False)[:, :3, :3], axis1=1, axis2=2)
-    target = np.trace(calibration.predict_covariance(q, model_error=False)[..., :3, :3], axis1=2, axis2=3).mean(axis=1)
-    stated = float(np.sqrt((tool / growth + (1.0 - 1.0 / growth) * np.minimum(tool, target)).mean()))
-    allowed = float(np.sqrt((by_tolerance**2).sum(axis=(1, 2)).mean()))
+    parts = in_chunks(lambda rows: _stated_and_allowed(calibration, q[rows]), len(q))
+    stated, allowed = (float(np.sqrt(np.concatenate(own).mean())) for own in zip(*parts, strict=True))
     if stated <= UNKNOWN_FROM * allowed:
         return ""
     return Said(
@@ -123,6 +117,21 @@ def why_unknown(calibration: Calibration, q: Float[np.ndarray, "n joints"]) -> s
         times=stated / allowed,
         allowed=allowed * 1e3,
     )
+
+
+def _stated_and_allowed(
+    calibration: Calibration, q: Float[np.ndarray, "n joints"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Variances of the tool's place in 3D, metres²: as the calibration states them, and by the tolerances alone."""
+    model = calibration.model
+    by_tolerance = model.jacobian(q, calibration.estimate)[:, :3] * model.tolerances
+    # What grows beyond the measured range is the error of what is predicted. Where the tool is beside the target does not grow, nor
+    # where the base is: the one is in the tool's covariance in the base, the other in the target's in the tracker frame.
+    growth = calibration.growth_at(q)
+    tool = np.trace(calibration.tool_covariance(q, frame="base", model_error=False)[:, :3, :3], axis1=1, axis2=2)
+    target = np.trace(calibration.predict_covariance(q, model_error=False)[..., :3, :3], axis1=2, axis2=3).mean(axis=1)
+    stated = tool / growth + (1.0 - 1.0 / growth) * np.minimum(tool, target)
+    return stated, (by_tolerance**2).sum(axis=(1, 2))
 
 
 def check_known(calibration: Calibration, q: Float[np.ndarray, "n joints"], what: str) -> None:
