@@ -144,7 +144,9 @@ def contents(project: Project) -> Mapping[str, str]:
         **found,
         "robot": robot,
         "header": _digest(project, LAYOUT.header),
-        "task": _digest(project, choices.task, *_tables_of(project, choices.task)),
+        "task": _digest(
+            project, choices.task, *(f"{LAYOUT.tasks}/{one}" for one in tables_of_task(project.path(choices.task)))
+        ),
         "program": _digest(project, *read_together(project, choices.program)) if choices.program else "",
         "corrected": _digest(project, result_of(corrected_of(choices.program))) if choices.program else "",
         "cell": hashlib.sha256(json.dumps(cell).encode()).hexdigest(),
@@ -169,11 +171,6 @@ def _digest(project: Project, *paths: str) -> str:
                 return ""
             digest.update(b"missing")
     return digest.hexdigest()
-
-
-def _tables_of(project: Project, task: str) -> list[str]:
-    """The list or path of poses that a task file names."""
-    return [f"{LAYOUT.tasks}/{one}" for one in tables_of_task(project.path(task))]
 
 
 def made(project: Project, product: str, made_from: Mapping[str, str]) -> dict[str, Any]:

@@ -565,7 +565,7 @@ def application(studio: Studio, address: Endpoint, port: int) -> Gate:
     outer.post("/drop/{kind}")(receiver(studio))
     outer.get("/file/{folder}/{name}")(giver(studio))
     outer.get("/mesh/{robot}/{number}")(mesh_giver(studio))
-    ui.page("/")(_begin)
+    ui.page("/")(lambda: RedirectResponse(f"/{ROAD[0].key}"))
     for page in ROAD:
         add_page(page, ROAD, studio)
     pages.on_page_exception(_broken)
@@ -614,10 +614,6 @@ def show_log() -> None:
     shown = logging.StreamHandler()
     shown.setFormatter(_Plain())
     logging.basicConfig(handlers=[shown], level=logging.WARNING)
-
-
-def _begin() -> RedirectResponse:
-    return RedirectResponse(f"/{ROAD[0].key}")
 
 
 async def _alive() -> JSONResponse:

@@ -421,12 +421,8 @@ def import_modules(names: list[str]) -> None:
             ) from error
         except Exception as error:
             raise typer.BadParameter(f"{name} fails: {type(error).__name__}: {error}", param_hint=OPTION) from error
-        if path is not None and not _is(module.__file__, path):
+        if path is not None and (module.__file__ is None or Path(module.__file__).resolve() != path.resolve()):
             raise typer.BadParameter(
                 f"another module is called {path.stem} ({module.__file__ or 'built in'}); rename the file",
                 param_hint=OPTION,
             )
-
-
-def _is(file: str | None, path: Path) -> bool:
-    return file is not None and Path(file).resolve() == path.resolve()

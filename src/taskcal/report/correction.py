@@ -471,4 +471,6 @@ def _unchanged(told: Mapping[str, Any]) -> Section:
     for title, (key, words) in lists.items():
         places = ((Place(path=Path(one["file"]), line=one["line"]), one[words]) for one in told[key])
         blocks += [title, Bullets(*group_remarks(places))] if told[key] else []
+    if told["remarks"] and not told["refused"]:
+        blocks.insert(0, Said("No motion was rejected."))
     return Section(Said("Motions left unchanged"), *(blocks or [Said("Every motion was corrected.")]))

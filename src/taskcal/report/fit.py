@@ -146,19 +146,16 @@ def _rows(numbers: Collection[int]) -> str:
 def _facts(calibration: Calibration, result: Mapping[str, Any]) -> list[tuple[str, str]]:
     unseen = sum(p["seen"] is False for p in result["parameters"])
     identified = f"{len(result['parameters'])} identified"
+    scale = "measured lengths {value:.4f} times the nominal robot's, SE {standard_error:.4f} by its tolerances"
     known = describe_effective(identified, result["effective_parameters"], result["parameter_groups"])
     return [
-        *([("scale", _length_scale(result["length_scale"]))] if result["length_scale"] else []),
+        *([("scale", scale.format(**result["length_scale"]))] if result["length_scale"] else []),
         ("tracker frame", _measuring_frame(result)),
         *camera_facts(result),
         *([("prior", f"{unseen} parameters prior-dominated (posterior 1σ ≥ 0.95 prior 1σ)")] if unseen else []),
         *([("parameters", f"{known}; --parameters lists them")] if result["parameters"] else []),
         ("convergence", state_end(calibration.reason, calibration.iterations, calibration.rounds)),
     ]
-
-
-def _length_scale(found: Mapping[str, float]) -> str:
-    return f"measured lengths {found['value']:.4f} times the nominal robot's, SE {found['standard_error']:.4f} by its tolerances"
 
 
 def _measuring_frame(result: Mapping[str, Any]) -> str:

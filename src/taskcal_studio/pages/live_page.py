@@ -380,7 +380,10 @@ class _ShownRun:
         if measured.left is None:
             return
         texts, left = self._texts, measured.left["left"]
-        shown = [(one.partition("-")[0], texts.named("live", f"purpose_{_purpose(one)}")) for one in left[:MAX_LEFT]]
+        shown = [
+            (one.partition("-")[0], texts.named("live", f"purpose_{one.partition('-')[2] or 'chosen'}"))
+            for one in left[:MAX_LEFT]
+        ]
         title = texts("live.left_of_program", count=len(left))
         header = (texts("live.pose"), texts("live.serves"))
         tabulated(TextTable.of_rows(title, header, shown, text_columns=(0, 1)))
@@ -414,11 +417,6 @@ class _ShownRun:
 
 MAX_LEFT = 8
 """Poses of a program that are left and are shown. A convention."""
-
-
-def _purpose(name: str) -> str:
-    """What a pose of a program is for, by its id."""
-    return name.partition("-")[2] or "chosen"
 
 
 def notes_of(measured: RunProgress, texts: Texts) -> list[str]:

@@ -369,7 +369,8 @@ class _Terminal:
             step = event.step
             after = "" if event.next_error is None else f", after it {event.next_error * 1e3:.4f} mm are expected"
             at = f", {self.aim.instrument.label} {step.fixture}" if step.fixture else ""
-            info(f"pose {step.number}, {step.purpose}{at}{after}: {_in_degrees(self.aim.model.robot, step.q)}")
+            joints = " ".join(f"{name} {value:.3f}" for name, value in _pose(self.aim.model.robot, step.q).items())
+            info(f"pose {step.number}, {step.purpose}{at}{after}: {joints}")
         elif event.left is not None:
             info(_left_in_words(event.left))
         elif event.kind == "row" and event.taken is not None:
@@ -445,10 +446,6 @@ def _left_in_words(left: "Left") -> str:
         text = f"left of the program: {len(left.ids)} poses, those first that bring most: {named}; "
         text += f"{left.next_error * 1e3:.4f} mm expected after the best, {left.all * 1e3:.4f} mm after all"
     return text
-
-
-def _in_degrees(robot: "taskcal.Robot", q: Any) -> str:
-    return " ".join(f"{name} {value:.3f}" for name, value in _pose(robot, q).items())
 
 
 def _pose(robot: "taskcal.Robot", q: Any) -> dict[str, float]:

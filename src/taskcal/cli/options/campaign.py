@@ -201,14 +201,9 @@ def choose_rows(text: str, count: int, source: Path) -> list[int]:
             f"'{text}' is empty; write a:b with a < b, counted from 0, without b", param_hint="--rows"
         )
     if last > count or first >= count:
-        raise CampaignError(
-            f"rows {text}: {source} has {count} rows, numbered 0 to {count - 1}; write {_nearest(first, count)}"
-        )
+        begin = first if first < count else 0
+        raise CampaignError(f"rows {text}: {source} has {count} rows, numbered 0 to {count - 1}; write {begin}:{count}")
     return list(range(first, last))
-
-
-def _nearest(first: int, count: int) -> str:
-    return f"{first}:{count}" if first < count else f"0:{count}"
 
 
 def _looks_like_range(text: str) -> bool:
