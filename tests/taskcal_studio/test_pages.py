@@ -33,7 +33,7 @@ from taskcal_studio.files import take_file
 from taskcal_studio.measured_rows import registered_rows
 from taskcal_studio.pages.identify_page import arguments_of
 from taskcal_studio.pages.weight_page import POSES
-from taskcal_studio.project import Project
+from taskcal_studio.project import LAYOUT, Project
 from taskcal_studio.results import examined
 from taskcal_studio.runs import CommandRun, Status
 from taskcal_studio.server import ROAD
@@ -283,10 +283,12 @@ def written_rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def finished(studio, kind: str, arguments: list[str], result: dict, messages: tuple[str, ...] = ()) -> None:
+def finished(
+    studio, kind: str, arguments: list[str], result: dict | None, messages: tuple[str, ...] = (), status=Status.done
+) -> None:
     """A run that has ended."""
     run = CommandRun(arguments, studio.project.folder, kind)
-    run.status, run.result, run.messages = Status.done, result, list(messages)
+    run.status, run.result, run.messages = status, result, list(messages)
     studio._runs[kind] = run
 
 
@@ -328,6 +330,25 @@ def test_findings_are_listed_and_their_rows_stand_out(worked, language) -> None:
             assert all(shown.get(name, value) == value for name, value in written[k].items())
 
     visit(worked, look, **{"accept-language": language})
+
+
+@pytest.mark.parametrize(("said", "uncertain"), [("--accept-uncertain", True), ("--max-shift-mm", False)])
+def test_a_refusal_for_what_is_not_known_leads_to_more_poses(worked, tmp_path, said, uncertain) -> None:
+    """And may be overridden for one run; another refusal leads to neither."""
+    own = Path(shutil.copytree(worked, tmp_path / "own"))
+    (own / LAYOUT.programs).mkdir()
+    (own / LAYOUT.programs / "a.mod").write_text("MODULE a\nPROC main()\nENDPROC\nENDMODULE\n")
+    Project(own).choose(program=f"{LAYOUT.programs}/a.mod")
+
+    async def look(user: Visitor) -> None:
+        arguments = ["correct", user.studio.project.choices.program]
+        finished(user.studio, "correct", arguments, None, (f"error: it is not corrected ({said})",), Status.refused)
+        await user.open("program")
+        links = [e.text for e in user.elements("a") if e.props.get("href") == "/plan" and e.text == TEXTS("plan.title")]
+        assert len(links) == 1 + uncertain  # one of the road
+        assert (TEXTS("program.write_anyway") in user.said("button")) == uncertain
+
+    visit(own, look)
 
 
 def test_a_box_that_is_edited_is_saved_and_reached_as_said(own) -> None:

@@ -41,6 +41,7 @@ from taskcal_studio.steps import (
     choose_or_drop,
     download,
     is_running,
+    link,
     show_error,
     show_run,
 )
@@ -73,6 +74,9 @@ RESULT_KEYS = (
 LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
 """Colours of no error and of the largest: light blue and dark red, which differ in grey and to those who see no red, too."""
 
+
+ACCEPT = "--accept-uncertain"
+"""Option that a refusal names where the calibration knows too little of the program's poses, and more poses help."""
 
 MAX_JOINED, PATH = 1000, "#7b8794"
 """Targets of a program, at most, that are joined by lines, and the colour of these; more lie so close that they show the path."""
@@ -109,10 +113,14 @@ async def build(studio: Studio, texts: Texts) -> None:
     run = show_run(studio, "correct", texts, about=choices.program)
     if chosen and not is_running(run):
         button(texts("program.correct"), lambda: begin_correction(studio), plain=result is not None)
+    uncertain = run is not None and run.status is Status.refused and any(ACCEPT in said for said in run.messages)
+    if uncertain:
+        link(texts("plan.title"), "/plan")
     if result is not None:
         await _show(result, project, texts)
-        if not result["written"] and result["corrected"] and not is_running(run):
-            button(texts("program.write_anyway"), lambda: begin_correction(studio, accept_uncertain=True), plain=True)
+        uncertain |= not result["written"] and bool(result["corrected"])
+    if uncertain and not is_running(run):
+        button(texts("program.write_anyway"), lambda: begin_correction(studio, accept_uncertain=True), plain=True)
     _around(studio, texts, asked, named, is_open=is_open)
     for path in () if result is None else result["written"]:
         lines = await asyncio.to_thread(_changes, project, path)
