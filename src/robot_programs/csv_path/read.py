@@ -161,13 +161,10 @@ def parse_table(source: Source) -> CsvTable:
     faults = Faults()
     for number, row in enumerate(table.rows):
         if len(row.texts) < width or row.filled > width:
-            hint = (
-                "; is it written with decimal commas?"
-                if delimiter == "," and len(row.texts) > width
-                else "; write one for each column"
-            )
+            commas = delimiter == "," and len(row.texts) > width
+            hint = "is it written with decimal commas?" if commas else "write one for each column"
             with faults.collecting():
-                raise table.error(f"the line has {len(row.texts)} fields, the header {width}{hint}", number)
+                raise table.error(f"the line has {len(row.texts)} fields, the header {width}; {hint}", number)
     faults.raise_any()
     return table
 

@@ -75,7 +75,7 @@ LOW, HIGH = np.array([0.2, 0.5, 0.8]), np.array([0.45, 0.1, 0.0])
 """Colours of no error and of the largest: light blue and dark red, which differ in grey and to those who see no red, too."""
 
 
-ACCEPT = "--accept-uncertain"
+ACCEPT = "accept-uncertain"
 """Option that a refusal names where the calibration knows too little of the program's poses, and more poses help."""
 
 MAX_JOINED, PATH = 1000, "#7b8794"
