@@ -154,8 +154,7 @@ def parse_table(source: Source) -> CsvTable:
     width = len(first.texts) if first.texts[-1] else max(row.filled for row in rows)
     header = tuple(name or f"column {k}" for k, name in enumerate(first.texts[:width], start=1))
     table = CsvTable(source=source, header=header, header_line=first.line, delimiter=delimiter, rows=rows[1:])
-    lowered = [name.lower() for name in header]
-    for names, but in ((header, "; column names must differ"), (lowered, " but for letter case; keep one")):
+    for names, but in ((header, "; names must differ"), ([*map(str.lower, header)], " but for letter case; keep one")):
         if twice := {name for name in names if names.count(name) > 1} if len(set(names)) < len(names) else None:
             raise table.error(f"two columns are named '{shown(min(twice))}'{but}")
     faults = Faults()

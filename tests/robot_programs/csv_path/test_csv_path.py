@@ -203,7 +203,7 @@ WRONG = {
     "J1_deg\r1\r2": r"path\.csv:1: has a carriage return alone",
     "": r"path\.csv: is empty; its first line must name the columns",
     "x_mm,y_mm\n" + 30_000 * "1,": r"path\.csv:2: has more than 20000 columns",
-    "J1_deg,J1_deg\n": r"path\.csv:1: two columns are named 'J1_deg'; column names must differ",
+    "J1_deg,J1_deg\n": r"path\.csv:1: two columns are named 'J1_deg'; names must differ",
     "J1_deg\n1,5\n2\n3,5\n": r"path\.csv:2: the line has 2 fields, the header 1; is it written with decimal commas\?\n.*:4",
     "J1_deg\na\n1\nnan\n1e7\n": r"(?s)path\.csv:2: .*'a' is not a.*:4: .*'nan' is not a finite.*:5: .*beyond ±1e\+06",
 }
