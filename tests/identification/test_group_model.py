@@ -10,7 +10,7 @@ from taskcal.estimation.noisy_rows import FREEDOM, log_weights, weigh
 from taskcal.identification import holdout
 from taskcal.identification.calibration import load_calibration
 from taskcal.identification.effects import explain
-from taskcal.identification.group_search import DRAWS, Sharpened, calibrate, find_group_model, prove_lines
+from taskcal.identification.group_search import DRAWS, Sharpened, find_group_model, posterior_of, prove_lines
 from taskcal.identification.holdout import split_postures, stretch_of
 from taskcal.identification.identify import identify
 from taskcal.identification.options import FitOptions
@@ -126,7 +126,7 @@ def test_left_out_rows_are_judged_by_the_covariance_that_a_calibration_states(mo
     monkeypatch.setattr(holdout, "VALIDATION_DRAWS", DRAWS)
     part = np.arange(len(campaign))
     stated = holdout._judge(fitted, part, fitted.found, np.random.default_rng(0))[1]
-    made = calibrate(fitted, campaign, FitOptions(), 1.0, 0.0, np.random.default_rng(0))
+    made = posterior_of(fitted, campaign, FitOptions(), 1.0, 0.0, np.random.default_rng(0)).calibration
     expected = made.predict_covariance(campaign.q) + campaign.covariances()
     np.testing.assert_allclose(stated, expected, rtol=1e-3, atol=1e-14)
 

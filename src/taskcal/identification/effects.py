@@ -22,8 +22,10 @@ from taskcal.identification.calibration import Calibration
 from taskcal.identification.checks.checks import (
     OF_GEOMETRY,
     OF_SIBLING,
+    UNUSED_SIBLING,
     Asked,
     Sibling,
+    Unused,
     by_tolerances,
     frames_alone,
     hold_scale,
@@ -53,7 +55,7 @@ from taskcal.identification.holdout import (
 from taskcal.identification.identify import attempt
 from taskcal.identification.options import EffectSearch, FitOptions
 from taskcal.identification.problem import problem_of
-from taskcal.identification.sibling import has_own_sizes, with_unused_sibling
+from taskcal.identification.sibling import has_own_sizes
 from taskcal.observations.base import UNMEASURED, TrackerNoise
 from taskcal.robot.effects import SPECTRUM, Effect, JointField, kinds
 from taskcal.robot.effects import candidates as default_candidates
@@ -347,7 +349,7 @@ def select_effects(
         remarks = (*said, *nothing, *calibration.remarks, *selection.remarks)
     calibration = replace(calibration, left_out=left_out, remarks=remarks)
     if like is not None:
-        calibration = with_unused_sibling(calibration, like)
+        calibration = _with_unused_sibling(calibration, like)
     return Explanation(
         calibration=calibration,
         effects=selection.effects,
@@ -355,6 +357,19 @@ def select_effects(
         tracker=tracker_error(campaign, options.noise),
         collinearities=_repeated_by_geometry(selection.calibration, selection.effects, campaign),
         untried=untried_effects(model, campaign, search) if search.effects is None or search.field else {},
+    )
+
+
+def _with_unused_sibling(calibration: Calibration, like: Calibration) -> Calibration:
+    """A remark where the sizes are of another kind than the sibling's."""
+    made = calibration.provenance
+    if "taken" in made.options.get("like", {}):
+        return calibration
+    told = {**like.origin, "taken": False, "log_evidence_gain": 0.0}
+    return replace(
+        calibration,
+        remarks=(*calibration.remarks, *said_of(Unused(calibration, like), UNUSED_SIBLING)),
+        provenance=replace(made, options={**made.options, "like": told}),
     )
 
 

@@ -25,7 +25,6 @@ from taskcal.identification.group_model import (
     GroupModel,
 )
 from taskcal.identification.problem import Linearisation, Problem
-from taskcal_groundwork.said import Said
 
 SPECIMEN_WIDTH = JOINT_WIDTH
 """Standard deviation of a log variance of one robot about its sibling's: a factor of 1.6 in size. A convention: two robots of one
@@ -42,18 +41,6 @@ Association 90, find less not worth more than a bare mention; what is ambiguous 
 def has_own_sizes(like: Calibration) -> bool:
     """Whether geometry and effects were fitted together, so that each group has a size of its own."""
     return like.group_deviations is not None
-
-
-def described_sibling(like: Calibration) -> str:
-    """A calibration in words: its file, robot and campaign."""
-    made = like.provenance
-    return Said(
-        "{file} ({robot}, {rows} rows of {campaign})",
-        file=str(like.source) if like.source else Said("the calibration"),
-        robot=made.robot,
-        rows=made.rows,
-        campaign=made.campaign or Said("a campaign"),
-    )
 
 
 def expecting(one: GroupModel, like: Calibration) -> GroupModel:
@@ -178,23 +165,3 @@ def described_with(help: Help | None, options: dict[str, Any]) -> dict[str, Any]
     if help is None:
         return options
     return {**options, "like": {**options["like"], "taken": help.taken, "log_evidence_gain": help.gain}}
-
-
-def with_unused_sibling(calibration: Calibration, like: Calibration) -> Calibration:
-    """The calibration, with a remark where its sizes are of another kind than the sibling's, which so tells nothing of them."""
-    made = calibration.provenance
-    if "taken" in made.options.get("like", {}):
-        return calibration
-    named = described_sibling(like)
-    if has_own_sizes(calibration):
-        remark = Said(
-            "{named} was not used: this calibration has effects of their own sizes, and that one has none", named=named
-        )
-    else:
-        remark = Said(
-            "{named} was not used: this calibration has no effects of their own sizes, and that one has some",
-            named=named,
-        )
-    told = {**like.origin, "taken": False, "log_evidence_gain": 0.0}
-    options = {**made.options, "like": told}
-    return replace(calibration, remarks=(*calibration.remarks, remark), provenance=replace(made, options=options))

@@ -27,7 +27,7 @@ from taskcal.identification.checks.digits import few_digits_of
 from taskcal.identification.fit import Fit
 from taskcal.identification.hyperparameters import MAX_ROUNDS
 from taskcal.identification.options import FitOptions
-from taskcal.identification.sibling import MIN_GAIN, described_sibling, has_own_sizes
+from taskcal.identification.sibling import MIN_GAIN, has_own_sizes
 from taskcal.observations import TrackerNoise, pictures_of
 from taskcal.reading.pictures import BoardPoses, focus_drift
 from taskcal.registration.length_scale import NAMED_SIGMAS, board_said, find_length_scale
@@ -170,6 +170,18 @@ def hold_scale(asked: Asked) -> FitOptions:
 
 MAX_NAMES_LENGTH = 60
 """Characters of parameters' names in a message."""
+
+
+def described_sibling(like: Calibration) -> str:
+    """A calibration in words: its file, robot and campaign."""
+    made = like.provenance
+    return Said(
+        "{file} ({robot}, {rows} rows of {campaign})",
+        file=str(like.source) if like.source else Said("the calibration"),
+        robot=made.robot,
+        rows=made.rows,
+        campaign=made.campaign or Said("a campaign"),
+    )
 
 
 class Sibling(NamedTuple):
@@ -511,6 +523,25 @@ def sibling_taken_in_part(fit: Fit) -> Iterator[Values]:
     if fit.help is not None and fit.help.taken and fit.help.untold:
         untold = ", ".join(fit.help.untold)
         yield {"named": described_sibling(fit.help.like), "gain": fit.help.gain, "untold": untold}
+
+
+class Unused(NamedTuple):
+    """A calibration to which a sibling told nothing."""
+
+    calibration: Calibration
+    like: Calibration
+
+
+@safeguard("remarks", "{named} was not used: this calibration has effects of their own sizes, and that one has none")
+def sibling_without_effects(of: Unused) -> Iterator[Values]:
+    if has_own_sizes(of.calibration):
+        yield {"named": described_sibling(of.like)}
+
+
+@safeguard("remarks", "{named} was not used: this calibration has no effects of their own sizes, and that one has some")
+def sibling_with_effects(of: Unused) -> Iterator[Values]:
+    if not has_own_sizes(of.calibration):
+        yield {"named": described_sibling(of.like)}
 
 
 # Of the geometry: whether robot file, rows, their course and their digits can be as they are.
@@ -860,6 +891,7 @@ def overstated(fit: Fit) -> Iterator[Values]:
 
 # Those that are asked together, in the order in which they are said.
 
+UNUSED_SIBLING = (sibling_without_effects, sibling_with_effects)
 OF_SIBLING = (other_joints, other_parameters, no_sizes, other_sizes)
 OF_ONE_MODEL = (unusual_effects, sibling_not_taken, sibling_taken, sibling_taken_in_part)
 """Of geometry and effects with sizes of their own."""
