@@ -49,7 +49,7 @@ def test_a_file_is_understood_and_its_points_are_picked(tab: Tab, example: tuple
     page.get_by_text("No mistake found.").first.wait_for()
     tab.ready()
     campaign = read_campaign(example[1] / "campaigns" / "measured.csv", load_robot(ROBOT))
-    assert f"Poses\n{len(campaign)}" in text_of(page)
+    assert f"poses\n{len(campaign)}" in text_of(page)
     assert page.locator("table", has_text=f"{campaign.points[0, 0, 0] * 1e3:.6f}").count() > 0
     size = np.ptp(registered_rows(ErrorModel(load_robot(ROBOT)), campaign).cloud[0], axis=0) * 1e3
     assert f"{size[0]:.0f} × {size[1]:.0f} × {size[2]:.0f} mm" in text_of(page)
