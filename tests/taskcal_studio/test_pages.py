@@ -332,9 +332,12 @@ def test_findings_are_listed_and_their_rows_stand_out(worked, language) -> None:
     visit(worked, look, **{"accept-language": language})
 
 
-@pytest.mark.parametrize(("said", "uncertain"), [("--accept-uncertain", True), ("--max-shift-mm", False)])
-def test_a_refusal_for_what_is_not_known_leads_to_more_poses(worked, tmp_path, said, uncertain) -> None:
-    """And may be overridden for one run; another refusal leads to neither."""
+@pytest.mark.parametrize(
+    ("said", "result", "uncertain"),
+    [("--accept-uncertain", None, True), ("--accept-uncertain", {}, False), ("--max-shift-mm", None, False)],
+)
+def test_a_refusal_for_what_is_not_known_leads_to_more_poses(worked, tmp_path, said, result, uncertain) -> None:
+    """And may be overridden for one run; neither does another refusal, nor what is withheld, whose verdict says what helps."""
     own = Path(shutil.copytree(worked, tmp_path / "own"))
     (own / LAYOUT.programs).mkdir()
     (own / LAYOUT.programs / "a.mod").write_text("MODULE a\nPROC main()\nENDPROC\nENDMODULE\n")
@@ -342,7 +345,7 @@ def test_a_refusal_for_what_is_not_known_leads_to_more_poses(worked, tmp_path, s
 
     async def look(user: Visitor) -> None:
         arguments = ["correct", user.studio.project.choices.program]
-        finished(user.studio, "correct", arguments, None, (f"error: it is not corrected ({said})",), Status.refused)
+        finished(user.studio, "correct", arguments, result, (f"error: it is not corrected ({said})",), Status.refused)
         await user.open("program")
         links = [e.text for e in user.elements("a") if e.props.get("href") == "/plan" and e.text == TEXTS("plan.title")]
         assert len(links) == 1 + uncertain  # one of the road

@@ -113,7 +113,9 @@ async def build(studio: Studio, texts: Texts) -> None:
     run = show_run(studio, "correct", texts, about=choices.program)
     if chosen and not is_running(run):
         button(texts("program.correct"), lambda: begin_correction(studio), plain=result is not None)
-    uncertain = run is not None and run.status is Status.refused and any(ACCEPT in said for said in run.messages)
+    # a correction that is withheld has a result, whose verdict says what to lower; one that is refused has none
+    refused = [] if run is None or run.status is not Status.refused or run.result is not None else run.messages
+    uncertain = any(ACCEPT in said for said in refused)
     if uncertain:
         link(texts("plan.title"), "/plan")
     if result is not None:
