@@ -71,10 +71,9 @@ class Makings:
                     yield from (ref.key for ref in one.named)
                 case _:
                     pass
-            if (
-                not isinstance(one, Ask) or not one.routines
-            ):  # else what is given counts as far as what is returned is made of it
-                waiting += parts_of(one)[: self.operands.get(one.sign) if isinstance(one, Op) else None]
+            if isinstance(one, Ask) and one.routines:
+                continue  # what is given counts as far as what is returned is made of it
+            waiting += parts_of(one)[: self.operands.get(one.sign) if isinstance(one, Op) else None]
 
     def gifts(self, routines: Iterable[Routine]) -> Iterator[Gift]:
         """What the lines of some routines give; one that is not understood may return whatever its routine is given."""
