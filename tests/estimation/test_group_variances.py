@@ -101,14 +101,14 @@ def test_the_gradient_is_that_of_the_evidence():
     groups = replace(groups, spread=np.array([[9.0, 4.0, 0.0], [4.0, 5.0, 0.0], [0.0, 0.0, 4.0]]))
     theta = np.array([0.5, -1.0, 0.2])
     numeric = approx_fprime(theta, lambda t: fit_of(A, y, groups, t).log_posterior, 1e-6)
-    np.testing.assert_allclose(fit_of(A, y, groups, theta).scores()[0], numeric, rtol=1e-4)
+    np.testing.assert_allclose(fit_of(A, y, groups, theta).ascent().gradient, numeric, rtol=1e-4)
 
 
 def test_group_variances_maximise_evidence_and_null_is_small():
     """Group variances maximise the evidence, and the variance of an absent group is small."""
     A, y, groups = problem(400)
     at = find_sizes(A, y, groups, np.zeros(3))
-    np.testing.assert_allclose(fit_of(A, y, groups, at.log_variances).scores()[0], 0.0, atol=0.3)
+    np.testing.assert_allclose(fit_of(A, y, groups, at.log_variances).ascent().gradient, 0.0, atol=0.3)
     sizes = np.exp(0.5 * at.log_variances)
     assert 1.0 < sizes[0] < 9.0
     assert sizes[1] < 0.2

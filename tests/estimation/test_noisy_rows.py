@@ -57,17 +57,36 @@ def test_log_posterior_is_that_of_the_normal_distribution():
 def test_scores_are_the_gradient_of_the_log_posterior():
     rows, logs = noisy_rows(), np.log([0.3, 0.2, 1.5, 0.4])
     numeric = approx_fprime(logs, lambda at: at_logs(rows, at).log_posterior, 1e-6)
-    np.testing.assert_allclose(at_logs(rows, logs).scores()[0], numeric, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(at_logs(rows, logs).ascent().gradient, numeric, rtol=1e-4, atol=1e-4)
 
 
-def test_the_search_ends_at_the_maximum_wherever_it_starts():
-    """Errors and sizes a hundredth and a hundred times as large to begin with, against SciPy."""
+@pytest.mark.parametrize("noise", [0.09, 30.0])
+def test_the_search_ends_at_the_maximum_wherever_it_starts(noise: float):
+    """Errors and sizes a hundredth and a hundred times as large to begin with, next to nothing beside the noise or not, against
+    SciPy."""
     rows = noisy_rows()
+    rows = replace(rows, noise=np.broadcast_to(noise * np.eye(3), (30, 1, 3, 3)))
     best = -minimize(lambda at: -at_logs(rows, at).log_posterior, np.zeros(4), tol=1e-8).fun
     for begin in (-2.0, 2.0):
         end, ended = maximise(at_logs(rows, np.full(4, begin) * np.log(10.0)), MAX_STEPS, GAIN)
         assert ended
         assert best - end.log_posterior < 2.0 * GAIN
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_weights_of_poses_are_the_most_probable_with_errors_and_sizes(seed: int):
+    """Twelve poses, one of which errs by much more, against SciPy."""
+    rows = replace(noisy_rows(12, seed), tails=True)
+    rows.y[5] += 6.0
+
+    def at(logs: np.ndarray) -> NoisyFit:
+        return rows.under(STANDING.with_variances(np.exp(logs[:2])), logs[2:4], np.exp(logs[4:]))
+
+    best = minimize(lambda logs: -at(logs).log_posterior, np.zeros(16), tol=1e-8)
+    end, ended = maximise(at(np.zeros(16)), MAX_STEPS, GAIN)
+    assert ended
+    assert -best.fun - end.log_posterior < 2.0 * GAIN
+    np.testing.assert_allclose(np.log(end.weights), best.x[4:], atol=2e-3)
 
 
 @pytest.mark.parametrize("searched", [False, True])

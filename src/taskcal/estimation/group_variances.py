@@ -27,6 +27,7 @@ from taskcal.estimation.matrices import (
     invert_factored,
     invert_triangular,
     solve_factored,
+    solve_triangular,
     turn_to_triangle,
 )
 from taskcal.kernels.chunks import in_chunks
@@ -269,7 +270,8 @@ class Evidence:
         n, m, p = A.shape
         few, groups = self.equations.few, self.equations.groups
         if few is None:
-            return (A.reshape(n * m, p) @ self.covariance).reshape(A.shape) @ np.swapaxes(A, 1, 2)
+            own = solve_triangular(self.factor, (A.reshape(n * m, p) * self.root).T).T.reshape(n, m, p)
+            return own @ np.swapaxes(own, 1, 2)
         R, along, _ = few.free
         free = np.linalg.solve(R.T, A.reshape(n * m, p)[:, groups.group < 0].T).T
         own = (A.reshape(n * m, p)[:, groups.grouped] - free @ along) * self.root[groups.grouped]

@@ -67,6 +67,11 @@ def solve_factored(L: Float[np.ndarray, "p p"], b: Float[np.ndarray, "..."]) -> 
     return _lapack("potrs")(L, b, lower=True)[0] if len(L) else b.copy()
 
 
+def solve_triangular(L: Float[np.ndarray, "p p"], B: Float[np.ndarray, "p k"]) -> Float[np.ndarray, "p k"]:
+    """Solution X of L·X = B, L lower triangular; B is written over where it lies in columns."""
+    return _lapack("trtrs")(L, B, lower=True, overwrite_b=True)[0] if B.size else B
+
+
 def invert_triangular(L: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Inverse of a lower triangular L."""
     return _lapack("trtri")(L, lower=True)[0] if len(L) else L.copy()

@@ -9,8 +9,14 @@ and of several targets, belong together. U_ai is their covariance for a unit of 
 Variances of poses, sizes of groups and weights of poses are those of the largest marginal likelihood, found together
 (`maximise`): a search of one while the others stand still swings. With V the derivative of all covariances by the logarithm of a
 variance and P what projects the rows on what no estimate explains, the gradient is ½ (yᵀPVPy − tr PV), and the average information
-is ½ yᵀPVPV'Py (Gilmour, Thompson and Cullis 1995, Biometrics 51). It is exact for steps of 1/variance where the data know what the
-variance is of.
+is ½ yᵀPVPV'Py (Gilmour, Thompson and Cullis 1995, Biometrics 51). With δ the step of the logarithms that they ask for,
+
+    v ← v·(1 + (1 − f)·δ) / (1 − f·δ),   f = tr PVPV / tr PV
+
+is exact for errors of one size, of which v is the share f beside noise that is known. Where the rows want less of v, its likelihood
+falls as v does, and bends by (1 − f)·|½ (yᵀPVPy − tr PV)| more than the average says; without it, what is next to nothing swings.
+
+A weight follows the others (`weigh`), which makes these bend less: eliminated, with P·V·P·y of its pose for what it is pulled by.
 """
 
 from collections.abc import Sequence
@@ -39,14 +45,20 @@ MIN_LOG_SIZE = float(np.log(1e-12))
 CHANGE, CHANGE_OF_SIZE = 100.0, 10.0
 """Factors by which one step of the search changes a variance of single poses, and one of a group, at most."""
 
+TINY = 1e-300
+"""Instead of zero in a denominator."""
+
 FLAT = 1e12
 """Variance of a log variance of which nothing is expected."""
 
 MAX_STEPS = 40
 """Of a search."""
 
-SMALLEST_SHARE = 1e-3
-"""Of a step, that is tried: where none gains, rounding hides what is left to be gained."""
+LEAST_DAMPING, MOST_DAMPING = 0.1, 1e4
+"""Of a step that gains nothing undamped, to begin with and at most: the slope alone decides long before."""
+
+MORE_DAMPED, LESS_DAMPED = 8.0, 4.0
+"""Factors of the damping once a step gained nothing, and once it did."""
 
 POSES_AT_ONCE = 128
 """Poses of a thread."""
@@ -279,22 +291,62 @@ class NoisyFit:
         told = np.sum((self.A @ d) ** 2) + np.sum((self.rows.beside[0] @ d) ** 2)
         return 0.5 * float(told + own @ own + free @ groups.held @ free)
 
-    def next_step(self) -> tuple[Float[np.ndarray, " k"], float]:
-        """Step of the logarithms of variances of errors, of sizes and of weights, and its expected gain of log posterior."""
-        k, sizes, errors = self._sought, self._sizes, self.errors
-        gradient, information = self.scores()
-        # what is nothing stays so unless the rows want more
-        nothing = np.concatenate([errors.variances[:k] <= MIN_VARIANCE, sizes <= MIN_LOG_SIZE])
-        free = ~nothing | (gradient > 0.0)
-        relative = np.zeros(len(gradient))
-        relative[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
-        most = np.full(len(gradient), CHANGE_OF_SIZE)
-        most[:k] = CHANGE
-        step, weights = -np.log(np.minimum(np.maximum(1.0 - relative, 1.0 / most), most)), np.zeros(len(self.weights))
-        gain = 0.0
-        if k and self.rows.tails:
-            weights, gain = self._reweigh()
-        return np.concatenate([step, weights]), 0.5 * float(relative @ gradient) + gain
+    def ascent(self) -> "Ascent":
+        """Where errors, sizes and weights go from here."""
+        k, found, groups = self._sought, self.found, self.rows.groups
+        v, s, member = self.errors.variances[:k], groups.searched, groups.member[:, groups.searched]
+        u, determined, A = found.u[groups.grouped], found.determined, self.A.reshape(self.y.size, -1)
+        # derivatives of the covariances along what is left, V·P·y; those by sizes are explained but for the prior's part
+        T, M = np.zeros((k + len(s), self.y.size)), np.zeros((len(found.u), k + len(s)))
+        M[groups.grouped, k:] = (u / found.root[groups.grouped])[:, None] * member
+        # yᵀPVPy, what it is expected to be, tr PV, and tr PVPV
+        squares, chance, own = (part @ member for part in (u**2, determined, determined**2))
+        if k:
+            T[:k] = [a * (part @ self.left[..., None]).reshape(-1) for a, part in zip(v, self.unit_noise, strict=True)]
+            M[:, :k] = A.T @ T[:k].T
+            traces = np.array([np.trace(part, axis1=1, axis2=2).sum() for part in self._judged])
+            squares = np.concatenate([T[:k] @ self.left.reshape(-1), squares])
+            chance = np.concatenate([v * traces, chance])
+            own = np.concatenate([2.0 * np.diag(self.noise_information), own])
+        gradient, share = 0.5 * (squares - chance), np.clip(own / np.maximum(chance, TINY), 0.0, 1.0)
+        explained = found.times_covariance(M)
+        information = 0.5 * M.T @ explained
+        information[:k, :k] *= -1.0
+        information[k:, k:] *= -1.0
+        information += 0.5 * T @ T.T + np.diag(np.where(np.arange(k + len(s)) < k, 0.0, 0.5 * squares))
+        information += np.diag((1.0 - share) * np.maximum(-gradient, 0.0))  # of what is next to nothing
+        gradient[:k] -= self.errors.precision[:k] * np.log(v / self.errors.expected)
+        gradient[k:] -= groups.precision @ (found.log_variances - groups.location)[s]
+        information[:k, :k] += np.diag(self.errors.precision[:k])
+        information[k:, k:] += groups.precision
+        still = Ascent(
+            gradient=gradient,
+            information=information,
+            share=share,
+            nothing=np.concatenate([v <= MIN_VARIANCE, self._sizes <= MIN_LOG_SIZE]),
+            most=np.where(np.arange(k + len(s)) < k, CHANGE, CHANGE_OF_SIZE),
+            weights=np.zeros(len(self.y)),
+            pull=np.zeros((k + len(s), len(self.y))),
+            by_weights=0.0,
+        )
+        if not k or not self.rows.tails:
+            return still
+        explained[:, :k] *= -1.0
+        return self._with_weights(still, (T + (A @ explained).T).reshape(-1, *self.y.shape))
+
+    def _with_weights(self, still: "Ascent", along: Float[np.ndarray, "k n m"]) -> "Ascent":
+        """The same where weights follow, from P·V·P·y of each variance."""
+        gradient, bend = self.rows.seen.sum(axis=1) - self.squares, self.squares + FREEDOM * self.weights
+        gradient = gradient + FREEDOM * (1.0 - self.weights)
+        weights, pull = np.log(self.weighed / self.weights), np.einsum("knm,nm->kn", along, self.left) / bend
+        return replace(
+            still,
+            gradient=still.gradient + 0.5 * (pull * bend) @ weights,
+            information=still.information - 0.5 * (pull * bend) @ pull.T,
+            weights=weights,
+            pull=pull,
+            by_weights=0.25 * float(weights @ gradient),
+        )
 
     def moved(self, step: Float[np.ndarray, " k"]) -> "NoisyFit":
         """The model a step further."""
@@ -317,41 +369,15 @@ class NoisyFit:
         """Log variances of groups that are sought."""
         return self.found.log_variances[self.rows.groups.searched]
 
-    def scores(self) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
-        """Gradient and average information of the log posterior, by logarithms of variances of errors and of sizes."""
-        k, errors, found, groups = self._sought, self.errors, self.found, self.rows.groups
-        v, s, member = errors.variances[:k], groups.searched, groups.member[:, groups.searched]
-        u = found.u[groups.grouped]
-        off = (found.log_variances - groups.location)[s]
-        by_size = 0.5 * (u**2 - found.determined) @ member - groups.precision @ off
-        # derivatives of the covariances along what is left, V·P·y; those by sizes are explained but for the prior's part
-        T, M = np.zeros((k, self.y.size)), np.zeros((len(found.u), k + len(s)))
-        M[groups.grouped, k:] = (u / found.root[groups.grouped])[:, None] * member
-        by_noise = np.zeros(k)
-        if k:
-            T[:] = [a * (part @ self.left[..., None]).reshape(-1) for a, part in zip(v, self.unit_noise, strict=True)]
-            M[:, :k] = self.A.reshape(self.y.size, -1).T @ T.T
-            traces = np.array([np.trace(part, axis1=1, axis2=2).sum() for part in self._judged])
-            by_noise = 0.5 * (T @ self.left.reshape(-1) - v * traces) - errors.precision * np.log(v / errors.expected)
-        information = -0.5 * M.T @ found.times_covariance(M)
-        information[:k, k:] *= -1.0
-        information[k:, :k] *= -1.0
-        information[:k, :k] += 0.5 * T @ T.T + np.diag(errors.precision[:k])
-        information[k:, k:] += 0.5 * np.diag(u**2 @ member) + groups.precision
-        return np.concatenate([by_noise, by_size]), information
+    @unlocked
+    def squares(self) -> Float[np.ndarray, " n"]:
+        """Squared length of what is left of every pose, expected over what is not known of the estimate."""
+        return (self.left**2).sum(axis=1) + np.trace(self.explained, axis1=1, axis2=2)
 
-    def weighed(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Weights by what is left of the poses, and the derivative of the log posterior by the logarithms of those there are."""
-        numbers = self.rows.seen.sum(axis=1)
-        square = (self.left**2).sum(axis=1) + np.trace(self.explained, axis1=1, axis2=2)
-        gradient = 0.5 * (numbers - square + FREEDOM * (1.0 - self.weights))
-        return weigh(square / self.weights, numbers), gradient
-
-    def _reweigh(self) -> tuple[Float[np.ndarray, " n"], float]:
-        """Step of the logarithms of the weights to those of what is left of the poses, and its expected gain."""
-        weights, gradient = self.weighed()
-        step = np.log(weights / self.weights)
-        return step, 0.5 * float(step @ gradient)
+    @unlocked
+    def weighed(self) -> Float[np.ndarray, " n"]:
+        """Weights by what is left of the poses."""
+        return weigh(self.squares / self.weights, self.rows.seen.sum(axis=1))
 
     def take(self, some: Int[np.ndarray, " k"], weights: Float[np.ndarray, " n"]) -> "NoisyFit":
         """Some of the poses, of other weights; what is known of their noise is whitened already."""
@@ -375,12 +401,51 @@ class NoisyFit:
         rest = held.take(np.delete(np.arange(n), part), np.ones(n))
         rest = maximise(rest, steps, gain)[0]
         if self.errors.searched:
-            rest = maximise(rest.take(np.arange(len(rest.y)), rest.weighed()[0]), steps, gain)[0]
+            rest = maximise(rest.take(np.arange(len(rest.y)), rest.weighed), steps, gain)[0]
         return rest.found
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ascent:
+    """Slope and bend of the log posterior by logarithms of variances of errors and of sizes, the weights of poses following."""
+
+    gradient: Float[np.ndarray, " k"]
+    information: Float[np.ndarray, "k k"]
+    share: Float[np.ndarray, " k"]
+    """Of each variance in the variance of what it is part of: 1 where it is alone, next to 0 beside larger ones."""
+    nothing: Bool[np.ndarray, " k"]
+    """Which are too small to matter; they stay so unless the rows want more."""
+    most: Float[np.ndarray, " k"]
+    """Factor by which a step changes each, at most."""
+    weights: Float[np.ndarray, " n"]
+    """Step of the logarithms of the weights while all else stands still …"""
+    pull: Float[np.ndarray, "k n"]
+    """… what they change by with each of the others …"""
+    by_weights: float
+    """… and the gain expected of that step."""
+
+    @property
+    def gain(self) -> float:
+        """Expected of the undamped step."""
+        return 0.5 * float(self._relative(0.0) @ self.gradient) + self.by_weights
+
+    def step(self, damping: float) -> Float[np.ndarray, " k"]:
+        """Step of all logarithms: the more damped, the shorter and the nearer to the slope's direction."""
+        relative, least = self._relative(damping), 1.0 / self.most
+        grown = np.maximum(1.0 + (1.0 - self.share) * relative, least)
+        change = np.log(np.clip(grown / np.maximum(1.0 - self.share * relative, least), least, self.most))
+        return np.concatenate([change, self.weights / (1.0 + damping) + change @ self.pull])
+
+    def _relative(self, damping: float) -> Float[np.ndarray, " k"]:
+        """Step of the logarithms where the log posterior is a parabola of them."""
+        out, free = np.zeros(len(self.gradient)), ~self.nothing | (self.gradient > 0.0)
+        information = self.information[np.ix_(free, free)]
+        out[free] = np.linalg.solve(information + damping * np.diag(np.diag(information)), self.gradient[free])
+        return out
+
+
 def maximise(at: NoisyFit, steps: int, gain: float) -> tuple[NoisyFit, bool]:
-    """Go where errors of single poses, sizes of groups and weights of poses are most probable, by steps halved until they gain.
+    """Go where errors of single poses, sizes of groups and weights of poses are most probable, by steps damped until they gain.
 
     Args:
         at: where to start.
@@ -388,16 +453,16 @@ def maximise(at: NoisyFit, steps: int, gain: float) -> tuple[NoisyFit, bool]:
         gain: of log posterior, expected of the next step, at which the search ends.
 
     Returns:
-        where it ended, and whether it did before its steps had.
+        where it ended, and whether no more was to be gained there.
     """
+    damping = 0.0
     for _ in range(steps):
-        step, expected = at.next_step()
-        if expected < gain:
+        ascent = at.ascent()
+        if ascent.gain < gain:
             return at, True
-        share = 1.0
-        while not (following := at.moved(share * step)).log_posterior >= at.log_posterior:
-            share *= 0.5
-            if share < SMALLEST_SHARE:
-                return at, True
-        at = following
+        while not (following := at.moved(ascent.step(damping))).log_posterior >= at.log_posterior:
+            damping = max(MORE_DAMPED * damping, LEAST_DAMPING)
+            if damping > MOST_DAMPING:
+                return at, False
+        at, damping = following, damping / LESS_DAMPED if damping > LEAST_DAMPING else 0.0
     return at, False
