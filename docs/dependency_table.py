@@ -46,14 +46,13 @@ FIRST_WORDS = 200
 INTRO = """# Dependencies and their licences
 
 Made by `make licences` from the metadata of the installed packages; a test holds it to what is declared and installed. All
-are permissive, or copyleft of single files or libraries (MPL, LGPL), which puts no terms on what uses them. What only tests,
-checks and documentation need is not listed: it is not installed with Taskcal.
+are permissive, or copyleft of single files or libraries (MPL, LGPL). What only tests, checks and documentation need is not
+listed: it is not installed with Taskcal.
 
-Where a package names several licences for its parts, all stand here, `;` between them. Of docutils, which NiceGUI and the ROS
-packages behind xacrodoc need, the GPL covers an Emacs mode alone (its `COPYING`); nothing of Taskcal imports docutils.
-
-Sizes are those of the installed files, MiB, on Python 3.11 and Linux x86-64, in the versions of `constraints.txt`. Bytecode, which
-Python adds at the first import, is not counted, nor are Taskcal itself (5 MiB) and pip (8 to 17 MiB).
+**Bold**: asked for by Taskcal; the others by these. Where a package names several licences for its parts, all stand here, `;`
+between them. Of docutils the GPL covers an Emacs mode alone (its `COPYING`); nothing of Taskcal imports docutils.
+Sizes are those of the installed files, MiB, on Python 3.11 and Linux x86-64, in the versions of `constraints.txt`; of a
+package from 1 MiB on. Bytecode, Taskcal itself (5 MiB) and pip (8 to 17 MiB) are not counted.
 """
 
 
@@ -128,9 +127,13 @@ def _term(said: str) -> str:
 def _table(title: str, names: set[str], asked: Iterable[str]) -> str:
     own = {canonicalize_name(Requirement(one).name) for one in asked}
     sizes = {name: size(name) for name in sorted(names)}
-    rows = [f"| {name} | {'yes' if name in own else ''} | {mib:.1f} | {licence(name)} |" for name, mib in sizes.items()]
+    under: dict[str, list[str]] = {}
+    for name, mib in sizes.items():
+        shown = (f"**{name}**" if name in own else name) + (f" {mib:.0f}" if mib >= 1.0 else "")
+        under.setdefault(licence(name), []).append(shown)
+    rows = [f"| {terms} | {', '.join(packages)} |" for terms, packages in sorted(under.items())]
     head = [f"## {title}", "", f"{sum(sizes.values()):.0f} MiB in all.", ""]
-    return "\n".join([*head, "| package | asked for by Taskcal | MiB | licence |", "|:--|:--|--:|:--|", *rows, ""])
+    return "\n".join([*head, "| licence | packages |", "|:--|:--|", *rows, ""])
 
 
 if __name__ == "__main__":

@@ -17,7 +17,11 @@ ALLOWED = re.compile(
 """Permissive licences and those that cover a file or a library alone."""
 
 TEXT = PAGE.read_text(encoding="utf-8")
-ROWS = re.findall(r"^\| ([a-z0-9-]+) \| (yes|) \| [\d.]+ \| (.+) \|$", TEXT, re.MULTILINE)
+ROWS = [
+    (package.split()[0].strip("*"), package.startswith("**"), stated)
+    for stated, packages in re.findall(r"^\| (?!licence)(\w[^|]*) \| (.+) \|$", TEXT, re.MULTILINE)
+    for package in packages.split(", ")
+]
 TOTALS = dict(re.findall(r"^## (.+)\n\n(\d+) MiB in all", TEXT, re.MULTILINE))
 
 MAX_RUNTIME_MIB = 450
