@@ -5,6 +5,7 @@ The robots have defects, which a calibration knows; the joints to which their co
 
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -13,9 +14,25 @@ from robot_programs.tp.meaning import world_in_base
 from taskcal.correction.correct import correct
 from taskcal.correction.options import Bounds
 from tests.correction.by_pinocchio import defective, true_tool
-from tests.robot_programs.conformance.cases import C1, CASES, K1, UNWRITTEN, literal, loop, move, program, times, truth
+from tests.robot_programs.conformance.cases import (
+    C1,
+    C2,
+    CASES,
+    K1,
+    SENSOR,
+    UNWRITTEN,
+    above,
+    call,
+    literal,
+    loop,
+    move,
+    number,
+    program,
+    times,
+    truth,
+)
 from tests.robot_programs.conformance.languages import LANGUAGES, RUNNING
-from tests.robot_programs.small_language import Statement
+from tests.robot_programs.small_language import Routine, Statement
 
 FREE = Bounds(tolerance=1e-6, shift=0.05, turn=0.2)
 CASES_OF_WAYS = [
@@ -53,21 +70,22 @@ def test_the_true_tool_goes_where_the_machine_goes(name, case):
     done = truth(made)
     wanted = np.array(sorted({p for line, places in done.went.items() if line not in done.decided for p in places}))
 
-    def true_places(moves):
+    def true_tools(moves):
         goals = [one.flange(one.end.T) for one in moves if one.end.T is not None]
-        return [(true_tool(calibration, chain, T, home, tool) - world)[:3, 3] * 1e3 for T in goals]
+        return np.array([true_tool(calibration, chain, T, home, tool) for T in goals])
+
+    def distances(tools):
+        return np.array([np.linalg.norm((T - world)[:3, 3] * 1e3 - wanted, axis=1) for T in tools])
 
     found = correct(calibration, text, bounds=FREE)
     assert not found.rejected
     read = language.reading(found.sources, tool, robot).motions
-    ends = [one for one, (_, _, share) in zip(read, found.origin, strict=True) if share == 1.0]
-    off_before, off = (
-        np.array([np.linalg.norm(place - wanted, axis=1) for place in true_places(moves)])
-        for moves in (text.motions, ends)
-    )
-    assert off_before.min() > 0.5
+    tools = true_tools([one for one, (_, _, share) in zip(read, found.origin, strict=True) if share == 1.0])
+    off = distances(tools)
+    assert distances(true_tools(text.motions)).min() > 0.5
     assert off.min(axis=1).max() < 1e-3
     assert set(off.argmin(axis=1)) == set(range(len(wanted)))
+    np.testing.assert_allclose(tools[:, :3, :3], np.broadcast_to(np.eye(3), (len(tools), 3, 3)), atol=2e-6)
 
 
 @pytest.mark.parametrize("name", ["RAPID", "KRL", "URScript"])
@@ -121,3 +139,41 @@ def test_lines_are_divided_in_the_text(name):
     whole, at = language.reading(coarse.sources, tool, robot).motions, coarse.before.at_target
     for i, q in zip(coarse.before.move[at], coarse.before.q[at], strict=True):
         assert whole[i].end.posture is None or whole[i].end.posture.agrees(robot, q[None])[0]
+
+
+PIECES = {
+    "direct": [move(K1)],
+    "other frame": [Statement("set frame", ("x", number(20))), move(K1), Statement("set frame", ("x", number(0)))],
+    "loop": [loop("for", "c1", 3, move(above(K1, times(C1, 15))))],
+    "unread": [move(above(K1, SENSOR))],
+    "second loop": [loop("for", "c2", 2, move(above(K1, times(C2, 9))))],
+}
+
+
+def share_of(calibration, share):
+    """A calibration that found a share of the defects."""
+    base, targets = calibration.layout.frames(share * calibration.z)
+    return replace(calibration, z=share * calibration.z, T_tracker_base=base, T_tool_target=targets)
+
+
+@pytest.mark.parametrize(("share", "tolerance"), [(0.1, 1e-4), (0.3, 1e-3), (0.3, 2e-5)])
+@pytest.mark.parametrize("name", ["RAPID", "KRL", "URScript", "TP"])
+def test_shifted_targets_are_corrected_or_as_they_were(name, share, tolerance):
+    """Beside motions to the target itself, in another frame, and such as only the running program knows: each with a reason."""
+    language, (calibration, _, _, tool) = LANGUAGES[name], begun(name)
+    robot, own = calibration.model.robot, share_of(calibration, share)
+    for count in (2, 3):
+        for pieces in combinations(PIECES, count):
+            routines = [Routine(f"r{k}", PIECES[piece]) for k, piece in enumerate(pieces)]
+            made = program(*(call(one, K1, number(0)) for one in routines), routines=routines)
+            text = language.reading(language.written(made, tool, home=True), tool, robot)
+            found = correct(own, text, bounds=Bounds(tolerance=tolerance), accept_uncertain=True)
+            assert found.rejected.keys().isdisjoint(found.corrected.tolist()), pieces
+            again = found.program.reread(found.sources)
+            assert len(again.motions) == len(found.motions), pieces
+            for i, why in found.rejected.items():
+                assert why
+                (k,) = [k for k, (motion, _, end) in enumerate(found.origin) if motion == i and end == 1.0]
+                assert np.abs(again.motions[k].end.T - found.program.motions[i].end.T).max() < 1e-9, pieces
+            if "unread" not in pieces and "other frame" not in pieces and name != "TP":
+                assert len(found.corrected) == len(found.program.motions), pieces

@@ -12,13 +12,11 @@ from robot_programs.reading import parse_program
 from taskcal.correction.cell import load_cell
 from taskcal.correction.correct import correct
 from taskcal.errors import TaskcalError
-from taskcal.geometry import se3
-from tests.correction.by_pinocchio import COARSE, TOOL, defective, meets, true_tool
+from tests.correction.by_pinocchio import COARSE, TOOL, defective, true_tool
 from tests.robot_programs.written import urscript_joints as joints
 from tests.robot_programs.written import urscript_pose as pose
 
 HOME = np.radians([10.0, -70.0, 90.0, -100.0, -80.0, 20.0])
-SPAN_M = 0.04
 
 
 @pytest.fixture(scope="module")
@@ -36,45 +34,6 @@ def corrected(calibration, *lines, **given):
     assert not found.rejected
     assert len(found.corrected) == len(program.motions)
     return found, program.motions, parse_program(found.sources, robot=calibration.model.robot, **given).motions
-
-
-@pytest.mark.long
-def test_the_true_tool_is_where_200_motions_want_it(true_robot):
-    """In the base, in a feature, in waypoints, in a list that a loop goes to, and in what a function is given."""
-    calibration, chain, q = true_robot
-    rng = np.random.default_rng(3)
-    start = chain.pose(q) @ TOOL
-    feature = se3.translation(0.3, -0.2, 0.1) @ se3.rotation("z", 0.7) @ se3.rotation("x", 0.2)
-    wanted = [
-        start @ se3.pose(Rotation.from_rotvec(rng.uniform(-0.1, 0.1, 3)).as_matrix(), rng.uniform(-SPAN_M, SPAN_M, 3))
-        for _ in range(200)
-    ]
-    lines = [f"set_tcp({pose(TOOL)})", f"plane = {pose(feature)}", f"home = {joints(q)}", f"movej({joints(q)})"]
-    lines += ["def goto(target):", "movel(target, a=1.2, v=0.1)", "end"]
-    for k, T in enumerate(wanted[:160]):
-        match k % 4:
-            case 0:
-                lines.append(f"movel({pose(T)}, v=0.1)")
-            case 1:
-                lines.append(f"movel(pose_trans(plane, {pose(np.linalg.inv(feature) @ T)}), v=0.1)")
-            case 2:
-                near = "home" if k == 2 else joints(chain.joints(T @ np.linalg.inv(TOOL), q) + 1e-3)
-                lines += [f"global point_{k} = {pose(T)}", f"movej(get_inverse_kin(point_{k}, qnear={near}))"]
-            case _:
-                lines.append(f"goto({pose(T)})")
-    lines += [f"points = [{', '.join(map(pose, wanted[160:]))}]", "i = 0"]
-    lines += ["while i < length(points):", "movel(points[i], v=0.1)", "i = i + 1", "end"]
-    found, _, again = corrected(calibration, *lines)
-    T = [move.part.T @ move.end.T for move in again if move.end.T is not None]
-    assert len(T) == 200
-    # motions stand in the order of the text, that of the function first
-    order = [*range(3, 160, 4), *(k for k in range(160) if k % 4 != 3), *range(160, 200)]
-    for k, goal in zip(order, T, strict=True):
-        got = true_tool(calibration, chain, goal @ np.linalg.inv(TOOL), q, TOOL)
-        meets(got, wanted[k])
-        assert np.abs(goal - wanted[k]).max() > 1e-5
-    kept = [line for line in found.sources[0].text.split("\n") if "p[" not in line and "movej([" not in line]
-    assert set(kept) <= {f"  {line}" for line in lines} | {"def p():", "end", ""}
 
 
 def test_joints_drive_the_true_tool_where_the_nominal_one_was(true_robot):

@@ -118,6 +118,10 @@ def calling_itself() -> small.Program:
     return program(call(again, K1, number(2)), move(P1), move(K1), routines=[again])
 
 
+def frame(axis: str, value: Node) -> Statement:
+    return Statement("set frame", (axis, value))
+
+
 def changing(kind: str) -> small.Program:
     """A routine that gives a target or a number back."""
     if kind == "target":
@@ -182,12 +186,23 @@ CASES: dict[str, Callable[[], small.Program]] = {
     ),
     "function of a target": lambda: changing("target"),
     "function of a number": lambda: changing("number"),
+    "function that moves": lambda: program(
+        copy(P1, ("calls", r := function(Q, move(above(Q, D))), K1, number(15))), move(P1),
+        copy(P1, ("calls", r, K2, number(5))), move(P1), routines=[r],
+    ),
+    "function that moves in a condition": lambda: program(
+        when(("=", ("asks", r := function(D, move(above(Q, D)), of="number "), K1, number(3)), number(3)), [move(K2)]),
+        let("n1", ("asks", r, K2, number(7))), put(P1, "x", N1), move(P1), routines=[r],
+    ),
     "argument that is changed": lambda: program(
         call(r := procedure(put(Q, "z", D), move(Q)), K1, number(80)), move(K1), routines=[r]
     ),
     "routine that calls itself": calling_itself,
     "active frame": lambda: program(
         move(K1), Statement("set frame", ("x", number(35))), move(K1), Statement("set frame", ("z", N1)), move(K2)
+    ),
+    "frame of a caller and of a routine": lambda: program(
+        frame("x", number(35)), call(r := procedure(move(Q), frame("x", D), move(Q)), K1, number(8)), move(K1), routines=[r]
     ),
     "frame by its number": lambda: program(move(K1), Statement("select frame", (2,)), move(K1)),
     "tool by its number": lambda: program(move(K1), Statement("select tool", (2,)), move(K1)),
@@ -208,6 +223,18 @@ CASES: dict[str, Callable[[], small.Program]] = {
     ),
     "unknown number of turns that change nothing": lambda: program(
         as_long_as(INPUT, put(P1, "z", number(20)), move(P1)), move(K1)
+    ),
+    "unknown condition around a frame": lambda: program(
+        when(INPUT, [frame("x", number(5))], [frame("x", number(5))]), move(K1), when(INPUT, [frame("x", number(9))]), move(K2)
+    ),
+    "unknown number of turns around a frame": lambda: program(
+        as_long_as(INPUT, frame("x", number(9)), move(K1), frame("x", number(0)), move(K1)), move(K2)
+    ),
+    "unknown return before a frame": lambda: program(
+        call(r := procedure(when(INPUT, [Statement("return")]), frame("x", D)), K1, number(8)), move(K2), routines=[r]
+    ),
+    "unknown value of a function": lambda: program(
+        copy(P1, ("calls", r := function(Q, put(Q, "z", D)), K2, SENSOR)), move(P1), move(K1), routines=[r]
     ),
     "unknown in some calls": lambda: program(
         call(r := procedure(move(above(K1, D))), K1, number(8)), call(r, K1, SENSOR), move(K2), routines=[r]
@@ -241,15 +268,25 @@ UNWRITABLE: dict[str, dict[str, str]] = {
     "APT": POINTS_ONLY,
     "CSV": POINTS_ONLY,
     "TP": {
-        "function of a target": NO_FUNCTIONS, "function of a number": NO_FUNCTIONS, "argument that is changed": BY_REFERENCE,
+        **dict.fromkeys(
+            (
+                "function of a target", "function of a number", "function that moves", "function that moves in a condition",
+                "unknown value of a function",
+            ),
+            NO_FUNCTIONS,
+        ),
+        "argument that is changed": BY_REFERENCE,
     },
 }  # fmt: skip
 """Programs that cannot be said in a language."""
 
 TOO_MANY = "so many turns are not gone through"
 ALL_REGISTERS = "what is not followed takes all registers with it"
+ELEMENTS_IN_TURNS = "an element of a list that a loop sets is not followed through it"
 UNREAD: dict[tuple[str, str], str] = {
     ("TP", "pallet by a jump back"): "a turn of jumps inside another one is not followed",
+    ("URScript", "unknown number of turns around a frame"): ELEMENTS_IN_TURNS,
+    ("KRL", "function that moves in a condition"): "its motions are not followed, and what it sets",
     **{(language, "loop of many turns"): TOO_MANY for language in ("RAPID", "KRL", "URScript", "TP")},
     **{("TP", case): ALL_REGISTERS for case in ("routine beside", "routine that calls itself")},
 }  # fmt: skip
@@ -258,7 +295,8 @@ UNREAD: dict[tuple[str, str], str] = {
 NO_TURNS = "turns of jumps are not written out, and have no counter for an array"
 NO_COPIES = "calls are not written out"
 ONE_TEXT = {
-    "array in a loop", "pick and approach", "call in a loop", "routine in a routine",
+    "array in a loop", "pick and approach", "call in a loop", "routine in a routine", "function that moves",
+    "function that moves in a condition",
     *(case for case in CASES if case.startswith("pallet")),
 }  # fmt: skip
 """Programs whose text gets longer because it stands for motions that need different numbers; of others none is written out."""

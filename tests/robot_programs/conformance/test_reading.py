@@ -32,6 +32,7 @@ def test_motion_follows_the_one_that_the_machine_makes_before(name, case):
     program = language.reading(language.written(made))
     before, motions = truth(made).before, program.motions
     known, lines = understood(program), Counter(motion.place.line for motion in motions)
+    assert len(known) == len(motions)
     for motion in motions:
         if motion.place.line not in refused(program):
             assert motion.texts_motions == lines[motion.place.line]

@@ -47,12 +47,6 @@ def test_relative_point_counts_across_calls():
     assert [move.follows for move in program.motions] == [None, 2, 0]
 
 
-def test_call_with_the_same_arguments_is_the_same_motion():
-    routine = "DEF TO(P :IN)\nDECL E6POS P\nLIN P\nEND\n"
-    (move,) = read(f"{FRAMES}TO(XP1)\nTO(XP1)", dat=f"DECL E6POS XP1={POSE}", more=routine).motions
-    assert (move.end.T[2, 3], move.follows) == (pytest.approx(0.8), None)
-
-
 @pytest.mark.parametrize(("mode", "known"), [("IN", True), ("OUT", False), ("", False)])
 def test_what_is_given_by_value_stays(mode, known):
     routine = f"DEF TAKE(P{' :' + mode if mode else ''})\nDECL E6POS P\nP.Z=0\nEND\n"
@@ -102,38 +96,7 @@ def test_a_routine_that_calls_itself_ends():
     ]  # fmt: skip
 
 
-def test_what_holds_at_a_return_counts():
-    routine = "DEF MAYBE( )\nIF $IN[1] THEN\nRETURN\nENDIF\n$BASE=BASE_DATA[1]\nEND\n"
-    program = read(f"{FRAMES}MAYBE( )\nLIN {POSE}", more=routine)
-    assert not program.motions
-    assert "it differs between the ends of MAYBE" in texts(program)[0]
-
-
-def test_functions_in_expressions_count_as_calls():
-    function = f"DEFFCT BOOL LIFT( )\nLIN {HIGH}\n$BASE=BASE_DATA[1]\nRETURN TRUE\nENDFCT\n"
-    program = read(f"{FRAMES}BOOL OK\nLIN {POSE}\nOK=LIFT( )\nLIN {POSE}", more=function)
-    assert [(m.routine, m.follows, m.part.name) for m in program.motions] == [
-        ("PART", None, "$NULLFRAME"), ("PART", 2, "BASE_DATA[1]"), ("LIFT", 0, "$NULLFRAME")
-    ]  # fmt: skip
-    program = read(f"{FRAMES}BOOL OK\nLIN {POSE}\nOK=NOT LIFT( )\nLIN {POSE}", more=function)
-    assert len(program.motions) == 1
-    assert any("LIFT sets it" in text for text in texts(program))
-
-
 # Routines and those that call them.
-
-
-def test_frames_pass_from_a_caller_to_what_it_calls():
-    more = f"DEF SUB( )\nLIN {POSE}\nEND\n"
-    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more=more)
-    assert [(m.routine, m.follows) for m in program.motions] == [("PART", 1), ("SUB", None)]
-    program = read(f"SUB( )\n{FRAMES}SUB( )", more=more)
-    assert not program.motions
-    assert "$TOOL is not set before it" in texts(program)[0]
-    program = read(f"{FRAMES}SUB( )\nLIN {POSE}", more="DEF SUB( )\n$BASE=BASE_DATA[1]\nEND\n")
-    assert [m.part.name for m in program.motions] == ["BASE_DATA[1]"]
-    program = read(f"{FRAMES}LIN {POSE}\nSUB( )", more=f"DEF SUB( )\nLIN {POSE}\nSUB( )\nEND\n")
-    assert "SUB is called where that is not followed" in texts(program)[0]
 
 
 def test_routines_of_one_name_in_two_files_count_as_one():

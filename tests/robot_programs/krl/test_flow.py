@@ -92,28 +92,6 @@ def test_blocks_that_do_not_match_are_named():
     assert not program.motions
 
 
-def test_a_loop_begins_where_its_turn_before_ended():
-    program = read(f"{DECLARED}{FRAMES}PTP {POSE}\nFOR I=1 TO 3\nLIN Q[I]\nLIN_REL {{Z 5}}\nENDFOR", dat=POINTS)
-    order = sorted(range(7), key=lambda i: program.motions[i].follows if program.motions[i].follows is not None else -1)
-    assert [round(float(program.motions[i].end.T[2, 3]) * 1e3, 6) for i in range(7)] == [
-        800,
-        810,
-        820,
-        830,
-        815,
-        825,
-        835,
-    ]
-    assert [move.follows for move in program.motions] == [None, 0, 4, 5, 1, 2, 3]
-    assert order[0] == 0
-
-
-def test_undecided_loop_keeps_what_each_turn_sets_alike():
-    """What an undecided loop does the same in each turn still holds."""
-    body = f"{FRAMES}LOOP\n$BASE=BASE_DATA[1]\nLIN {POSE}\n$BASE=$NULLFRAME\nLIN {POSE}\nENDLOOP"
-    assert [move.part.name for move in read(body).motions] == ["BASE_DATA[1]", "$NULLFRAME"]
-
-
 def test_unreached_motions_are_read_with_their_own_settings():
     """Palletizing programs teach their points behind a GOTO to the end."""
     body = f"{FRAMES}GOTO FINAL\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$IPO_MODE=#BASE\nPTP {POSE}\nFINAL:\nPTP {POSE}"
@@ -130,21 +108,6 @@ def test_variables_that_a_call_hands_over_come_back():
     both = "DEF SHIFT(P,D :IN)\nDECL E6POS P\nREAL D\nP.Z=P.Z+D\nXG.Z=0\nEND\n"
     program = read(f"{FRAMES}XG={POSE}\nSHIFT(XG,25)\nLIN XG", dat=f"DECL GLOBAL E6POS XG={POSE}", more=both)
     assert not program.motions
-
-
-def test_points_on_a_circle_are_computed():
-    body = f"REAL R\nR=50\nP={POSE}\nFOR I=0 TO 90 STEP 30\nP.X=900+R/4*SIN(I)\nP.Z=800+R*COS(I)\nLIN P C_DIS\nENDFOR"
-    program = read(DECLARED + FRAMES + body)
-    angles = np.radians([0, 30, 60, 90])
-    np.testing.assert_allclose([m.end.T[0, 3] for m in program.motions], 0.9 + 0.0125 * np.sin(angles), atol=1e-9)
-    np.testing.assert_allclose([m.end.T[2, 3] for m in program.motions], 0.8 + 0.05 * np.cos(angles), atol=1e-9)
-    assert not read(DECLARED + FRAMES + body.replace("REAL R", "INT R")).motions
-
-
-def test_what_a_function_returns_counts():
-    measured = "DEFFCT E6POS UP(P :IN)\nDECL E6POS P\nP.Z=$ANIN[1]\nRETURN P\nENDFCT\n"
-    program = read(f"{DECLARED}{FRAMES}P=UP(Q[2])\nLIN P", dat=POINTS, more=measured)
-    assert "$ANIN[1] is known only at run time" in texts(program)[0]
 
 
 def test_resuming_interrupt_may_leave_a_call():

@@ -53,21 +53,6 @@ def test_unresolved_motions_are_left_with_a_reason(body, reason):
     assert re.search(reason, str(diagnostic))
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        f"IF $IN[1] THEN\n$BASE=BASE_DATA[1]\nELSE\n$BASE=BASE_DATA[1]\nENDIF\nLIN {POSE}",
-        f"SWITCH N\nCASE 1\n$BASE=BASE_DATA[1]\nDEFAULT\n$BASE=BASE_DATA[1]\nENDSWITCH\nLIN {POSE}",
-        f"$BASE=BASE_DATA[1]\nFOR I=1 TO 3\n$OUT[I]=TRUE\nENDFOR\nLIN {POSE}",
-        f"WHILE TRUE\n$BASE=BASE_DATA[1]\nLIN {POSE}\nENDWHILE",
-        f"BAS(#BASE,1)\nLIN {POSE}",
-    ],
-)
-def test_what_holds_on_every_way_holds(body):
-    (move,) = read(f"$TOOL=$NULLFRAME\n{body}").motions
-    assert move.part.name == "BASE_DATA[1]"
-
-
 @pytest.mark.parametrize("frame", ["$NULLFRAME", "$WORLD"])
 @pytest.mark.parametrize("point", [f"{{}}:{POSE}", f"{POSE}:{{}}", f"{{}}:{POSE}:{{}}"])
 def test_zero_frame_is_known_in_a_motion(frame, point):

@@ -78,31 +78,12 @@ def test_values_of_the_run_time_are_no_constants(body, reason):
     assert any(reason in text for text in texts(program))
 
 
-@pytest.mark.parametrize(
-    ("body", "heights"),
-    [
-        (f"P={POSE}\nP.E1=$ANIN[1]\nH=P.Z\nLIN {{X 900,Y 0,Z H,A 0,B 90,C 0}}", [800]),
-        (f"P={POSE}\nP.Z=$ANIN[1]\nP.Z=810\nLIN P", [810]),
-        (f"Q[1]={POSE}\nQ[2]={SHIFTED}\nQ[2].Z=$ANIN[1]\nLIN Q[1]\nLIN Q[2]", [800]),
-    ],
-)
-def test_a_part_that_is_not_known_leaves_the_others(body, heights):
-    program = read(f"DECL E6POS P,Q[3]\nREAL H\n{FRAMES}{body}")
-    assert [round(float(move.end.T[2, 3]) * 1e3, 6) for move in program.motions] == heights
-
-
 def test_lines_outside_of_any_routine_count_as_run_at_any_time():
     """Their head may be what is damaged."""
     line = f"BAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN {POSE}"
     assert len(read(line).motions) == 1
     assert not read(line, more="TOOL_DATA[1].X=5\n").motions
     assert not read(f"{FRAMES}LIN XP1", dat=POINTS, more="XP1.X=5\n").motions
-
-
-def test_what_an_interrupt_assigns_is_not_known():
-    body = f"{FRAMES}INTERRUPT DECL 4 WHEN $IN[1]==TRUE DO FOUND( )\nXP1={POSE}\nLIN XP1"
-    program = read(body, dat=f"DECL E6POS XP1={POSE}", more="DEF FOUND( )\nXP1.Z=0\nEND\n")
-    assert not program.motions
 
 
 def test_tools_and_bases_that_the_program_sets_count():
@@ -168,18 +149,6 @@ def test_own_name_hides_the_data_list_in_its_routine_only():
 
 ABOVE = "DEFFCT E6POS ABOVE(P:IN,D:IN)\nDECL E6POS P\nDECL REAL D\nP.Z=P.Z+D\nRETURN P\nENDFCT\n"
 NEXT = "DEFFCT E6POS NEXT( )\nN=N+1\nRETURN Q[1]\nENDFCT\n"
-
-
-def test_point_of_a_function_is_written_into_the_motion():
-    """A point that a function computes is written into the motion."""
-    program = read(f"{FRAMES}LIN XP1\nLIN ABOVE(XP1,50.0) C_DIS", dat=POINTS, more=ABOVE)
-    move = program.motions[1]
-    np.testing.assert_allclose(move.end.T, read(f"{FRAMES}LIN {SHIFTED}").motions[0].end.T, atol=1e-12)
-    T = move.end.T.copy()
-    T[0, 3] += 1e-3
-    after = program.rewrite(ROBOT, {1: (Waypoint(kind="linear", q=Q, T=T),)})
-    assert "LIN {E6POS: X 901.00000,Y 0.00000,Z 850.00000," in after[0].text
-    np.testing.assert_allclose(program.reread(after).motions[1].end.T, T, atol=1e-8)
 
 
 def test_what_a_function_in_a_motion_changes_is_not_lost():

@@ -68,12 +68,6 @@ def test_routine_named_like_a_motion_is_a_call():
     assert not program.diagnostics
 
 
-def test_a_routine_that_calls_itself_begins_anywhere():
-    body = f"{move(1)}again;\nENDPROC\nPROC again()\n{move(2)}\nIF diAny=1 again;\n{move(3)}"
-    program = read_rapid([module(body, POINTS)])
-    assert [found.follows for found in program.motions] == [None, None, None]
-
-
 @pytest.mark.parametrize(
     ("body", "x"),
     [
@@ -99,25 +93,6 @@ def test_values_are_followed_through_the_statements_of_a_routine(body, x):
     while len(order) < len(numbers):  # from each to the one that follows it
         order.append(next(i for i in numbers if program.motions[i].follows == order[-1]))
     assert [round(program.motions[i].end.T[0, 3] * 1e3) for i in order] == x
-
-
-@pytest.mark.parametrize(
-    "body",
-    [
-        "IF diAny=1 q:=p2; MoveL q,v5,fine,tool0;",
-        "again: MoveL q,v5,fine,tool0; q:=p2; GOTO again;",
-        "change q; MoveL q,v5,fine,tool0;",
-        '%"change"% q; MoveL q,v5,fine,tool0;',
-        "TEST diAny CASE 1: q:=p2; ENDTEST MoveL q,v5,fine,tool0;",
-        "FOR i FROM 1 TO n DO MoveL q,v5,fine,tool0; q:=p2; ENDFOR",
-    ],
-)
-def test_what_may_have_been_changed_on_some_way_is_not_known(body):
-    first = POINTS.splitlines()[0].split(":=")[1]
-    change = "\nENDPROC\nPROC change(INOUT robtarget r)\nr:=CRobT();"
-    program = read_rapid([module(f"VAR robtarget q:={first} \n{body}{change}", POINTS)])
-    assert not program.motions
-    assert any("assigned to" in str(diagnostic) for diagnostic in program.diagnostics)
 
 
 def test_module_variable_keeps_its_value_only_if_main_does():
@@ -147,12 +122,6 @@ def test_module_variable_keeps_its_value_only_if_main_does():
 def test_what_comes_before_is_not_known_while_a_trap_may_move(connects, trap, follows):
     body = f"{move(1)}{move(2)}{connects}\nIF a=1 Stop;\n{move(3)}{move(4)}\nENDPROC\nTRAP t\n{trap}\nENDTRAP\nPROC other()"
     assert [found.follows for found in read_rapid([module(body, POINTS)]).motions] == follows
-
-
-def test_what_a_trap_changes_is_never_known():
-    body = "q:=p2;MoveL q,v5,fine,tool0;\nENDPROC\nTRAP t\nq:=p1;\nENDTRAP\nPROC other()"
-    program = read_rapid([module(body, POINTS + "VAR" + POINTS.splitlines()[0][5:].replace("p1", "q") + "\n")])
-    assert not program.motions
 
 
 def test_assigned_tool_has_the_name_of_its_source():
