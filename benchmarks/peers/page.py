@@ -16,6 +16,7 @@ AS_GOOD = 1.05
 
 Row = dict[str, Any]
 
+
 def renew(result: Row) -> None:
     """Write the tables of a result into the page, each between its marks."""
     text = PAGE.read_text(encoding="utf-8")
@@ -37,6 +38,7 @@ def placed(text: str, name: str, table: str) -> str:
         raise ValueError(f"no place for the table {name}: a line {begin} and a line {end}")
     return f"{before}{begin}\n\n{table}\n\n{end}{after}"
 
+
 def tables(result: Row) -> dict[str, str]:
     """Markdown of every table, by the name in its marks."""
     return {
@@ -57,9 +59,11 @@ def machine(result: Row) -> str:
     head = f"{where['day']}, {where['processor']}, {where['cores']} cores; {3 * result['limit_s']:g} s of processor time end a run."
     return head + "\n\n" + _table(("way", "version", "its NumPy"), rows)
 
+
 def _first(packages: dict[str, str | None]) -> str:
     name, version = next(iter(packages.items()))
     return f"{name} {version}" if version else f"{name}, not installed"
+
 
 def robots(result: Row) -> str:
     """Held-out errors and times on the three robots."""
@@ -82,8 +86,10 @@ def robots(result: Row) -> str:
         parts.append(f"**{case['title']}** (held-out errors: mean, mm)\n\n" + _table(head, rows))
     return "\n\n".join(parts)
 
+
 def _errors(starts: Row) -> list[float]:
     return [run["held_out_mm"] for run in starts.values() if run.get("held_out_mm") is not None]
+
 
 def _row(starts: Row) -> tuple[str, ...]:
     raw, given = starts.get("raw", {}), starts.get("given", {})
@@ -103,11 +109,13 @@ def _row(starts: Row) -> tuple[str, ...]:
         *times,
     )
 
+
 def _error(run: Row) -> str:
     error = run.get("held_out_mm")
     if error is None:
         return "fails"
     return f"{error:.3f}" if error < 1.0 else f"{error:.1f}" if error < 10.0 else f"{error:.0f}"
+
 
 def seconds(value: float) -> str:
     """A time with two digits and its unit."""
@@ -117,10 +125,12 @@ def seconds(value: float) -> str:
         return f"{value * 1e3:.2g} ms" if value < 0.0995 else f"{value * 1e2:.0f}0 ms"
     return f"{value:.1f} s" if value < 9.95 else f"{value:.0f} s"
 
+
 def growth(result: Row) -> str:
     """Times of one calibration against poses and parameters, and the exponents."""
     parts = [_grown("poses", result["poses"]), _grown("joints, 400 poses", result["parameters"])]
     return "\n\n".join(parts)
+
 
 def scaling(result: Row) -> str:
     """Times of Taskcal's passes against poses and parameters, of its studies against robots, and the exponents."""
@@ -133,10 +143,12 @@ def scaling(result: Row) -> str:
     times = ("study", *(_time(row) for row in rows), _exponent(slope(rows)))
     return "\n\n".join([*parts, _table(head, [times])])
 
+
 def _scaled(what: str, rows: list[Row]) -> str:
     names = [name for name in rows[0] if name != "size"]
     lines = [(name, *(seconds(row[name]) for row in rows), _exponent(slope(rows, name))) for name in names]
     return _table((what, *map(_size, rows), "slope"), lines)
+
 
 def _grown(what: str, found: dict[str, list[Row]]) -> str:
     sizes = sorted({row["size"] for rows in found.values() for row in rows})
@@ -147,14 +159,18 @@ def _grown(what: str, found: dict[str, list[Row]]) -> str:
         lines.append((name, *cells, _exponent(slope(rows))))
     return _table((what, *(f"{size}" for size in sizes), "slope"), lines)
 
+
 def _size(row: Row) -> str:
     return f"{row['size']:,}".replace(",", "\N{NO-BREAK SPACE}")
+
 
 def _time(row: Row) -> str:
     return "–" if "failed" in row else seconds(row["warm_s"])
 
+
 def _exponent(value: float | None) -> str:
     return "" if value is None else f"{value:.1f}"
+
 
 def failures(result: Row) -> str:
     """What did not end, in the words of whatever ended it."""
@@ -174,6 +190,7 @@ def failures(result: Row) -> str:
         if "failed" in row
     ]
     return "\n".join(said) or "Nothing failed."
+
 
 def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = list(head)

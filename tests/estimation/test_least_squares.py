@@ -89,7 +89,7 @@ def test_a_fit_stops_at_the_decrease_asked_for():
     loose, tight = fit(*arguments, Stopping(decrease=0.5)), fit(*arguments, Stopping(decrement=1e-20))
     assert loose.converged
     assert (loose.ended, loose.converged) == (Ended.HARDLY_FALLS, True)
-    assert loose.reason == "the fit got better by less than 0.5 of itself"
+    assert loose.reason == "the fit improved by less than 0.5 of itself"
     assert loose.iterations < tight.iterations
 
 

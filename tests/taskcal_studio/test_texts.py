@@ -123,7 +123,7 @@ OF_FITS = {
     *Method.__args__,
     *("max", "mean", "rms", "p95", "base", "tool", "pinhole", "fisheye"),
     *(UNEXPLAINED, REACHED, "parameters, tracker frame and target: posterior covariance"),
-    "geometry, effects and their sizes stand still",
+    "geometry, effects and their sizes have converged",
 }
 
 

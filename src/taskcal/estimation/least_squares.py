@@ -26,11 +26,11 @@ class Ended(Enum):
     """Why a fit ended."""
 
     NOTHING_TO_ESTIMATE = "nothing was to be estimated"
-    CONVERGED = "the estimate stands still"
-    CANNOT_FALL = "the fit cannot get better"
-    HARDLY_FALLS = "the fit got better by less than {decrease:g} of itself"
+    CONVERGED = "the estimate has converged"
+    CANNOT_FALL = "converged to rounding"
+    HARDLY_FALLS = "the fit improved by less than {decrease:g} of itself"
     TOO_MANY_ITERATIONS = "no convergence in {iterations} iterations"
-    NO_STEP_FALLS = "no step makes the fit better"
+    NO_STEP_FALLS = "no step improves the fit"
 
     @property
     def converged(self) -> bool:

@@ -235,7 +235,9 @@ def _written(chain: CalibratedChain, form: Form, shapes: Mapping[str, Sequence[M
         said = f"the robot file states no speed of {', '.join(unstated)}: the URDF has {UNSTATED_SPEED:g} rad/s (m/s)"
         remarks[said] = None
     if form != "urdf":
-        said = f"every link has a mass of {MASS[0]} kg: a calibration tells none; set them before you simulate forces"
+        said = (
+            f"every link has a mass of {MASS[0]} kg: a calibration has no masses; set them before you simulate forces"
+        )
         remarks[said] = None
     text = _TEXTS[form](replace(Tree.of(chain), shapes=shapes, folder=folder), remarks)
     return WrittenChain(text=text, poses=chain.poses, remarks=tuple(remarks))

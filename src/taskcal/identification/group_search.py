@@ -107,7 +107,7 @@ def posterior_of(
         log_evidence=fitted.end.log_evidence,
         iterations=fitted.rounds,
         rounds=fitted.rounds,
-        reason="geometry, effects and their sizes stand still"
+        reason="geometry, effects and their sizes have converged"
         if fitted.settled
         else "geometry, effects and their sizes hardly move",
         help=help,

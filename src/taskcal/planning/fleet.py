@@ -43,6 +43,7 @@ Result = TypeVar("Result")
 
 CALIBRATION = ".json"
 
+
 @dataclass(frozen=True, kw_only=True)
 class FleetFiles:
     """All files of a fleet, by their names in its folder, with slashes."""
@@ -55,6 +56,7 @@ class FleetFiles:
     """Campaigns beside which there is no calibration of the same name."""
     others: tuple[str, ...]
     """Files that are neither, by their endings."""
+
 
 def find_fleet(folder: str | Path) -> FleetFiles:
     """Look through a folder and all below it, but for those that are hidden.
@@ -87,8 +89,10 @@ def find_fleet(folder: str | Path) -> FleetFiles:
         others=tuple(others),
     )
 
+
 def _beside(campaign: str) -> str:
     return str(PurePosixPath(campaign).with_suffix(CALIBRATION))
+
 
 class SentFile(NamedTuple):
     """A file for a machine that may not see the folder."""
@@ -97,11 +101,13 @@ class SentFile(NamedTuple):
     content: bytes | str
     """The file's bytes; or why it cannot be read where it lies."""
 
+
 def _sent(folder: Path, name: str) -> SentFile:
     try:
         return SentFile(name, read_bytes(folder / name))
     except TaskcalError as refusal:
         return SentFile(name, _reason(refusal, folder))
+
 
 def _read_sent(file: SentFile, read: Callable[[Path], Result]) -> Result:
     """What a function makes of a file that was sent, which it finds under its own name.
@@ -124,15 +130,18 @@ def _read_sent(file: SentFile, read: Callable[[Path], Result]) -> Result:
         except TaskcalError as refusal:
             raise TaskcalError(_reason(refusal, folder)) from refusal
 
+
 def _reason(refusal: TaskcalError, folder: str | Path) -> str:
     """State a refusal of a file in a folder, with the file's name in the fleet's."""
     return str(refusal).replace(f"{folder}{os.sep}", "")
+
 
 # Campaigns of a fleet that are not identified yet: each identified as by ``taskcal identify``, side by side.
 
 FOLDS = 5
 """Parts that are held out in turn, so that each calibration says what it predicts. A convention (Hastie et al., The Elements of
 Statistical Learning, section 7.10: five or ten)."""
+
 
 class IdentifiedCampaign(NamedTuple):
     """What became of a campaign."""
@@ -142,6 +151,7 @@ class IdentifiedCampaign(NamedTuple):
     """The file that was written, or would have been."""
     refusal: str | None
     """Why there is none."""
+
 
 def identify_campaigns(
     files: FleetFiles, model: ErrorModel, *, folds: int = FOLDS, engine: str = "loky", workers: int = -1
@@ -168,6 +178,7 @@ def identify_campaigns(
                 write_whole(files.folder / _beside(name), text)
             yield IdentifiedCampaign(name, _beside(name), refusal)
 
+
 def _identified(model: ErrorModel, folds: int, file: SentFile) -> tuple[str, str | None, str | None]:
     """Name, the calibration's text, and the reason why there is none."""
 
@@ -189,6 +200,7 @@ def _identified(model: ErrorModel, folds: int, file: SentFile) -> tuple[str, str
             raise
         return file.name, None, str(refusal)
 
+
 # The calibrations of one robot in their order of time, and what changed from each to the next. Tables are lists of rows
 # in the units in which people see them, millimetres where a key says so; None for what is not known.
 
@@ -206,6 +218,7 @@ MIN_CHANGE_SIGMA = 2.0
 
 DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 
+
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
     """What a calibration found, to be compared with that of other robots."""
@@ -220,6 +233,7 @@ class Estimates:
     errors: Float[np.ndarray, " p"]
     """Standard errors."""
 
+
 @dataclass(frozen=True, kw_only=True)
 class RobotHistory:
     """What the files of one robot tell."""
@@ -233,6 +247,7 @@ class RobotHistory:
     """Files that could not be read, and why."""
     remarks: tuple[str, ...]
     """What could not be compared, and why."""
+
 
 def _follow(robot: tuple[str, Sequence[SentFile]], *, unsealed: bool) -> RobotHistory:
     """Read a robot's calibrations and compare each with the one before it."""
@@ -261,6 +276,7 @@ def _follow(robot: tuple[str, Sequence[SentFile]], *, unsealed: bool) -> RobotHi
         remarks=tuple(remarks),
     )
 
+
 def _row(robot: str, file: str, calibration: Calibration) -> Row:
     """A calibration; errors are means in space, and the stated one is the standard uncertainty at a single pose, rms."""
     held_out = calibration.held_out
@@ -284,6 +300,7 @@ def _row(robot: str, file: str, calibration: Calibration) -> Row:
         "verdict": _verdict(nominal, fitted, predicted),
     }
 
+
 def _verdict(
     nominal: float | None, fitted: float, predicted: float | None
 ) -> Literal["good", "too few rows", "no better", "not checked"]:
@@ -294,6 +311,7 @@ def _verdict(
         return "no better"
     return "too few rows" if predicted > MAX_HELD_OUT_RATIO * fitted else "good"
 
+
 def date_of(name: str) -> str | None:
     """The last date in a file's name or in that of its folders, as 2026-03-31."""
     for match in reversed(list(DATE.finditer(name))):
@@ -302,6 +320,7 @@ def date_of(name: str) -> str | None:
         except ValueError:
             continue
     return None
+
 
 def _estimates(calibration: Calibration) -> Estimates:
     estimated = calibration.estimated
@@ -313,6 +332,7 @@ def _estimates(calibration: Calibration) -> Estimates:
         values=calibration.estimate[estimated],
         errors=calibration.standard_errors[estimated],
     )
+
 
 def _change(early: Row, late: Row, before: Calibration, after: Calibration) -> Row:
     """The change from one calibration to the next, with the parameters that differ clearly, the most changed first."""
@@ -331,6 +351,7 @@ def _change(early: Row, late: Row, before: Calibration, after: Calibration) -> R
             if abs(one["over_sigma"]) >= MIN_CHANGE_SIGMA
         ],
     }
+
 
 # Robots of a fleet one of whose parameters is unlike those of the others, beyond what chance and uncertainty
 # explain.
@@ -360,6 +381,7 @@ FREEDOM_PER_ROBOT = 0.45
 
 SPREAD_HALVINGS = 50
 """Of the interval in which a spread is looked for: to rounding."""
+
 
 def find_outliers(robots: Sequence[str], estimates: Sequence[Estimates]) -> list[Row]:
     """Parameters of robots that are outliers, the least probable first.
@@ -400,6 +422,7 @@ def find_outliers(robots: Sequence[str], estimates: Sequence[Estimates]) -> list
         for r, p in found
     ]
 
+
 def judge(
     values: Float[np.ndarray, "n p"], errors: Float[np.ndarray, "n p"]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], Float[np.ndarray, "n p"], Float[np.ndarray, "n p"]]:
@@ -420,6 +443,7 @@ def judge(
     z[np.isnan(values)] = np.nan
     return centre, spread, z, _holm(2.0 * t.sf(np.abs(z), FREEDOM_PER_ROBOT * (count - 1)))
 
+
 def _spread(distance: Float[np.ndarray, "n p"], errors: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " p"]:
     """The spread beside the errors with which the median distance is that of a normal distribution; zero where they suffice."""
     low = np.zeros(distance.shape[1])
@@ -433,6 +457,7 @@ def _spread(distance: Float[np.ndarray, "n p"], errors: Float[np.ndarray, "n p"]
         low, high = np.where(wider, middle, low), np.where(wider, high, middle)
     return low
 
+
 def _holm(single: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n p"]:
     """Probabilities that allow for how many there are (Holm 1979)."""
     flat = single.ravel()
@@ -442,6 +467,7 @@ def _holm(single: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n p"]:
     out[order] = np.minimum(np.maximum.accumulate(flat[order] * factor), 1.0)
     return out.reshape(single.shape)
 
+
 # The fleet: all robots together.
 
 MAX_SEQUENTIAL = 16
@@ -449,6 +475,7 @@ MAX_SEQUENTIAL = 16
 second (`benchmarks/fleet_cost.py`)."""
 
 Progress = Callable[[int, int], None]
+
 
 @short_repr
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -515,8 +542,10 @@ class Fleet:
             "remarks": list(self.remarks),
         }
 
+
 def _level(changes: Sequence[Row]) -> float:
     return LEVEL / max(len(changes), 1)
+
 
 def review_fleet(
     folder: str | Path,
@@ -561,6 +590,7 @@ def review_fleet(
             progress(len(histories), len(files.calibrations))
     return _assembled(files, histories)
 
+
 def _assembled(files: FleetFiles, histories: Iterable[RobotHistory]) -> Fleet:
     by_robot = {h.calibrations[0]["robot"]: h for h in histories if h.calibrations}
     readable = [by_robot[robot] for robot in files.calibrations if robot in by_robot]
@@ -601,6 +631,7 @@ def _assembled(files: FleetFiles, histories: Iterable[RobotHistory]) -> Fleet:
         remarks=(*(remark for history in readable for remark in history.remarks), *remarks),
     )
 
+
 def _nothing(files: FleetFiles, skipped: Sequence[tuple[str, str]]) -> str:
     """Why there is nothing to show."""
     if skipped:
@@ -613,6 +644,7 @@ def _nothing(files: FleetFiles, skipped: Sequence[tuple[str, str]]) -> str:
     return (
         f"{files.folder}: holds no calibration; put in a folder for each robot, with what taskcal identify wrote of it"
     )
+
 
 def _outliers_by_kind(readable: Iterable[RobotHistory]) -> tuple[list[Row], list[str]]:
     """Outliers among the robots of each kind, and kinds of which there are too few."""

@@ -469,9 +469,11 @@ class MeasuredTable(Table):
 
     @classmethod
     def of_table(cls, table: Table, robot: Robot, known: Iterable[Meaning | None]) -> "MeasuredTable":
-        """A table whose columns have these meanings."""
+        """A table whose columns have these meanings; what is asked for of one of the two counts for both."""
         own = {one.name: getattr(table, one.name) for one in fields(table) if one.init}
-        return cls(**own, robot=robot, known=tuple(known))
+        measured = cls(**own, robot=robot, known=tuple(known))
+        object.__setattr__(measured, "_used", table._used)
+        return measured
 
     def of(self, kind: Kind) -> list[tuple[str, Meaning]]:
         """Name and meaning of every column of a kind."""

@@ -63,7 +63,7 @@ def check_plausible(registration: Registration, model: ErrorModel, campaign: Cam
         f"{registration.rms * 1e3:.1f} mm rms ({registration.rms / reach:.1%} of the {reach:.2f} m link length). Likely causes: "
         "another robot or variant; joints in another order, with other signs or zero positions; degrees taken for radians; "
         'an axis coupling that the robot file lacks (angle = "-(J2 + J3)"); metres or inches for millimetres; rows of joints '
-        "and points that do not belong together. 'taskcal doctor' (in Python: diagnose) tries these and says which"
+        "and points that do not belong together. 'taskcal doctor' (in Python: diagnose) tests these and names the cause"
     )
 
 

@@ -264,7 +264,7 @@ def describe_coverage(inside: Float[np.ndarray, "..."]) -> Said:
     if share is None:
         return Said("95 % regions not judged: these rows suffice only to locate what they were measured from")
     return Said(
-        "coverage {share:.1f} % ({inside} of {count} points) of the 95 % regions",
+        "coverage of the 95 % regions {share:.1f} % ({inside} of {count} points)",
         share=100 * share,
         inside=int(np.nansum(inside)),
         count=int(np.isfinite(inside).sum()),
@@ -1385,7 +1385,7 @@ def task_uncertainty_section(over: TaskUncertainty) -> Section:
     text = (
         f"Standard uncertainty over {over.task}, 3D, rms. Measured target in the tracker frame: {over.target * 1e3:.3f} mm; TCP "
         f"of the robot file in the tracker frame: {over.after * 1e3:.3f} mm. By the tolerances alone, in the robot's base: TCP "
-        f"{over.before * 1e3:.3f} mm. The first two have the model error, and what is not told of how a pose is reached.{reach}"
+        f"{over.before * 1e3:.3f} mm. The first two include the model error and unknown approach, last move and temperature.{reach}"
     )
     difference = (
         "Measurements of a single target locate that target, not its offset from the tool. The offset is estimated by the fit, so "

@@ -283,7 +283,7 @@ def examination_section(
         tabulate_examined_outliers(examination, count),
         Facts(
             ("stated distances", describe_compared(examination)) if validation.compared else None,
-            ("95 % regions", describe_regions(examination)),
+            ("regions", describe_regions(examination)),
             ("outliers", describe_outliers(examination.shared, mostly=mostly)),
             None if acceptance is None else ("decision", describe_decision(acceptance)),
             None if acceptance is None else ("decision rule", describe_rule(acceptance)),

@@ -253,8 +253,8 @@ def tabulate_correction(summary: Mapping[str, Any], robot: Robot) -> list[tuple[
     unchanged = summary["moves"] - summary["corrected"] - len(summary["refused"])
     pieces = summary["written_moves"] - (summary["moves"] - summary["corrected"])
     motions = Said(
-        "{moves}: {corrected} corrected and written as {pieces}, {refused} rejected, {unchanged} unchanged; {unresolved} "
-        "statements not interpreted; lines added: {added}",
+        "{moves}: {corrected} corrected and written as {pieces}, {refused} rejected, {unchanged} unchanged; statements not "
+        "interpreted: {unresolved}; lines added: {added}",
         moves=summary["moves"],
         corrected=summary["corrected"],
         pieces=pieces,

@@ -30,7 +30,7 @@ def campaign_section(campaign: Campaign) -> Section:
             (Said("targets on the tool"), ", ".join(campaign.targets)),
             (Said("missing points (beam lost)"), numeral(int((~campaign.valid).sum()), "d")),
             (Said("fixed reference points"), ", ".join(campaign.reference_points) or "–"),
-            (Said("besides"), joined(", ", told) if told else "–"),
+            (Said("conditions of the rows"), joined(", ", told) if told else "–"),
         ),
     )
 

@@ -124,8 +124,8 @@ def describe_accuracy(told: Mapping[str, Any]) -> Said:
     if not allowed:
         alone = np.sqrt(max(told["expected_with_model_error_mm"] ** 2 - expected**2, 0.0))
         return Said(
-            "no number of poses meets {stated}: the model error alone leaves {alone:.3g} mm (rms in space); identifying what "
-            "causes it, effects above all, is worth more than poses",
+            "no number of poses meets {stated}: the model error alone leaves {alone:.3g} mm (3D rms); identify its causes, "
+            "effects above all, instead of measuring more poses",
             stated=stated,
             alone=float(alone),
         )
@@ -300,9 +300,9 @@ def _meaning(told: Mapping[str, Any]) -> Said:
     )
     if "observe" in told:
         return Said(
-            "Expected errors are 3D rms over the task, of the tool's load and independent of where the robot's base is, from "
-            "{sources}; no robot is simulated. The position of every fixture, and of the target on the tool, counts as unknown. "
-            "Random and space-filling poses are chosen among the feasible ones.",
+            "Expected errors are 3D rms over the task, of the target on the tool, independent of the position of the robot's base, "
+            "from {sources}; no robot is simulated. The position of every fixture, and of the target on the tool, counts as "
+            "unknown. Random and space-filling poses are chosen among the feasible ones.",
             sources=sources,
         )
     return Said(

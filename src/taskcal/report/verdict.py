@@ -160,7 +160,7 @@ def verdict_section(verdict: Mapping[str, Any]) -> Section:
     """Make the section of the verdict: what lowers the largest share of the last error that is known is the step to take."""
     last = next_source(verdict)
     words = Said(
-        "{share:.0%} of what is left is {source}: {remedy}",
+        "largest share of the remaining error: {source}, {share:.0%}; {remedy}",
         share=last["share"],
         source=term(last["largest"]),
         remedy=term(last["remedy"]),

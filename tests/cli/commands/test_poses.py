@@ -32,6 +32,14 @@ def test_poses_of_the_nominal_robot(run: Run, joints) -> None:
         np.testing.assert_allclose([row["x_mm"], row["y_mm"], row["z_mm"]], T[:3, 3] * 1e3, atol=1e-9)
 
 
+def test_only_columns_that_are_not_used_are_said_to_be_ignored(run: Run, joints, tmp_path) -> None:
+    assert "ignored" not in run("poses", "--robot", "ur5", joints).err
+    header, *rows = joints.read_text(encoding="utf-8").splitlines()
+    more = tmp_path / "more.csv"
+    more.write_text("\n".join([f"{header},x_mm", *(f"{row},1" for row in rows)]) + "\n", encoding="utf-8")
+    assert "ignored columns: x_mm\n" in run("poses", "--robot", "ur5", more).err
+
+
 def test_poses_come_back_as_joints_in_every_form(run: Run, joints, tmp_path) -> None:
     for angles in ("quaternion", "rpy", "abc", "WPR"):
         path = tmp_path / f"{angles}.csv"

@@ -286,12 +286,12 @@ def _say_missing(program: "Program", around: CellOptions, run: Run) -> None:
     others = [one.name for one in missing if one.kind == "other"]
     if stated:
         listed = ", ".join(f"{one.kind} {one.name} ({one.count})" for one in stated)
-        info(f"declared in none of the files: {listed}")
+        info(f"not declared in the files: {listed}")
         info("pass the files that declare them, or state them in the cell file (--cell); --missing CELL.toml writes it")
         if around.missing is None and len(stated) <= MAX_SHOWN_SECTIONS:
             info(cell_to_fill_in(stated))
     if others:
-        info(f"declared in none of the files, and not for a cell file: {', '.join(others)}")
+        info(f"not declared in the files, and nothing that a cell file states: {', '.join(others)}")
     if around.missing is not None and stated:
         own = "" if around.cell is None else around.cell.read_text(encoding="utf-8").rstrip() + "\n\n"
         run.write({around.missing: own + cell_to_fill_in(stated)})

@@ -97,7 +97,7 @@ def said_of(of: Of, safeguards: Iterable[Safeguard[Of]]) -> tuple[str, ...]:
     return tuple(one.said(values) for one in safeguards for values in one.condition(of))
 
 
-DOCTOR = Said("'taskcal doctor' (in Python: diagnose) tries what is usually wrong, and says which")
+DOCTOR = Said("'taskcal doctor' (in Python: diagnose) tests the usual mistakes")
 
 
 # Of what is asked for, before anything is fitted.
