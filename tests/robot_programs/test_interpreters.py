@@ -6,15 +6,11 @@ from random import Random
 
 import pytest
 
-from robot_programs.krl.read import KrlProgram, read_krl
+from robot_programs.core.program import Program
 from taskcal_groundwork.errors import InputError
 from tests.robot_programs import small_language as small
 from tests.robot_programs.conformance.languages import LANGUAGES as CONFORMING
 from tests.robot_programs.conformance.languages import Went, refused, understood
-
-
-def krl(program: small.Program) -> KrlProgram:
-    return read_krl(small.Krl().program(program))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,30 +111,18 @@ def test_a_program_written_out_does_what_it_did(name):
     assert max(lengths) > 20
 
 
-def test_summaries_of_routines_change_nothing(monkeypatch):
+@pytest.mark.parametrize(("name", "seeds"), [("TP", 300), ("RAPID", 60), ("URScript", 60), ("KRL in files", 40)])
+def test_summaries_of_routines_change_nothing(monkeypatch, name, seeds):
     """Routines that were gone through in the same state before are not gone through again."""
-    programs = [small.random_program(Random(seed), sensors=seed % 2 == 0) for seed in range(40)]
-    summarised = [followed(krl(program)) for program in programs]
-    monkeypatch.setattr("robot_programs.core.interpreter.Interpreter.depends_on", lambda *_: None)
-    assert [followed(krl(program)) for program in programs] == summarised
-
-
-@pytest.mark.parametrize(("name", "seeds"), [("TP", 300), ("RAPID", 60), ("URScript", 60)])
-def test_summaries_change_nothing_of_the_one_form(monkeypatch, name, seeds):
-    """The same of the interpreter of the one form."""
     language = LANGUAGES[name]
     programs = [small.random_program(Random(seed), sensors=seed % 2 == 0) for seed in range(seeds)]
     texts = [language.write().program(program) for program in programs if language.write.takes(program)]
-    read = lambda: [(understood(found), refused(found)) for found in map(language.read, texts)]  # noqa: E731
-    summarised = read()
+    summarised = [followed(language.read(text)) for text in texts]
     monkeypatch.setattr("robot_programs.core.interpreter.Interpreter.depends_on", lambda *_: None)
-    assert read() == summarised
+    assert [followed(language.read(text)) for text in texts] == summarised
 
 
-def followed(program: KrlProgram) -> list[tuple[object, ...]]:
+def followed(program: Program) -> list[tuple[object, ...] | str]:
     """Motions with those before them, and diagnostics."""
-    motions = [
-        (motion.place, motion.end.T.tobytes(), motion.follows, motion.texts_motions, site.before)
-        for motion, site in zip(program.motions, program.sites, strict=True)
-    ]
+    motions = [(one.place, one.end.T.tobytes(), one.follows, one.texts_motions) for one in program.motions]
     return [*motions, *sorted(map(str, program.diagnostics))]

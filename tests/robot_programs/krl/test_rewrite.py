@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from robot_programs.core.program import Waypoint, rotation
-from robot_programs.core.source import Source
 from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.read import KrlProgram, read_krl
 from tests.robot_programs.fuzz import nearby
@@ -159,13 +158,3 @@ def test_status_and_turn_follow_the_joint_positions():
     status = StatusTurn(S=18, T=0b1000010).of(ROBOT, q)
     assert status == StatusTurn(S=0b10110, T=0b1110011)
     assert line(program, {0: (to(0.9, "joint", q=q),)}, 4) == "PTP {X 900,Y 0,Z 800,A 0,B 90,C 0,S 22,T 'B1110011'}"
-
-
-@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
-@pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_letters_of_any_encoding_survive(encoding, newline, tmp_path):
-    text = newline.join(["DEF PART( ) ; Größe", *FRAMES.split("\n")[:-1], f"LIN {POSE} ; über", "END"])
-    given_source = Source.of(tmp_path / "PART.SRC", text.encode(encoding))
-    program = read_krl([given_source])
-    (after,) = program.rewrite(ROBOT, {0: (to(0.901),)})
-    assert after.encode() == text.replace("X 900,", "X 901.00000,").encode(encoding)

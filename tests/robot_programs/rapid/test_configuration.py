@@ -1,14 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from robot_programs.rapid.resolve import Confdata
-from taskcal.kinematics.inverse import find_postures
 from taskcal.robot.catalogue import load_robot
-from taskcal.robot.error_model import ErrorModel
-from taskcal.robot.robot_file import robot_from
-from tests.laws.robots import generators, industrial, industrial_positions
 
 IRB120 = load_robot("abb-irb120")
 IRB6660 = load_robot("abb-irb6660-205-1.9")
@@ -44,41 +38,6 @@ def test_edges_keep_what_was_stated():
     assert of(IRB120, nearly, like) == (-1, 0, 0, 1)
     assert of(IRB120, nearly) == (0, 1, 0, 0)
     assert of(IRB120, [-0.001, 0, 0, 90.001, 1, -0.001], like) == (-1, 1, -1, 0)
-
-
-@given(generators)
-def test_a_posture_agrees_with_its_own_configuration(rng):
-    robot = robot_from(industrial(rng))
-    q = industrial_positions(rng, 4)
-    for row in q:
-        assert Confdata.of(robot, row).agrees(robot, row[None])[0]
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_configurations_tell_the_postures_of_one_pose_apart(seed):
-    rng = np.random.default_rng(seed)
-    robot = robot_from(industrial(rng))
-    model = ErrorModel(robot)
-    q = industrial_positions(rng, 1)
-    postures = find_postures(model, model.poses(q)[0])
-    turns = [
-        p for p in postures if np.abs(p[[1, 2, 4]]).max() < np.pi
-    ]  # confdata does not count turns of axes 2, 3 and 5
-    sure = [p for p in turns if np.abs(np.sin(2 * p[[0, 3, 5]])).min() > 0.05 and abs(p[4]) > 0.05]
-    assert len(sure) > 1
-    stated = [str(Confdata.of(robot, p)) for p in sure]
-    assert len(set(stated)) == len(sure)
-
-
-@given(generators, st.sampled_from([0, 3, 5]))
-def test_a_whole_turn_of_an_axis_is_another_configuration(rng, joint):
-    q = industrial_positions(rng, 1)
-    robot = robot_from(industrial(rng))
-    stated = Confdata.of(robot, q[0])
-    turned = q.copy()
-    turned[0, joint] += 2 * np.pi
-    assert not stated.agrees(robot, turned)[0]
-    assert stated.agrees(robot, q + 1e-4)[0]
 
 
 def test_a_parallel_rod_has_no_use_for_cfx():

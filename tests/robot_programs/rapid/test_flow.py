@@ -68,6 +68,12 @@ def test_routine_named_like_a_motion_is_a_call():
     assert not program.diagnostics
 
 
+def test_a_routine_that_calls_itself_begins_anywhere():
+    body = f"{move(1)}again;\nENDPROC\nPROC again()\n{move(2)}\nIF diAny=1 again;\n{move(3)}"
+    program = read_rapid([module(body, POINTS)])
+    assert [found.follows for found in program.motions] == [None, None, None]
+
+
 @pytest.mark.parametrize(
     ("body", "x"),
     [

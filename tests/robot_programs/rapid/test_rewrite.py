@@ -1,7 +1,6 @@
 """RAPID that is rewritten: targets, clones, and their numbers."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_programs.core.program import Waypoint
-from robot_programs.core.source import Source
 from robot_programs.rapid.read import read_rapid
 from robot_programs.rapid.resolve import Confdata
 from robot_programs.rapid.values import quaternion_texts, real
@@ -22,7 +20,6 @@ from tests.robot_programs.rapid.samples import (
     IRC5_FRAMES,
     POINTS,
     ROBOT,
-    S4C,
     Q,
     module,
     rewritten,
@@ -61,28 +58,6 @@ def test_rewrite_of_unshared_targets_changes_only_numbers():
     assert after.splitlines()[1:3] == [
         "CONST robtarget p1:=[[11,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
         "CONST robtarget p2:=[[21,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-    ]
-
-
-def test_rewrite_clones_a_target_that_another_motion_needs():
-    """A target that another motion needs as it is gets a clone behind it."""
-    before = module("MoveL p1,v100,fine,tool0;\nMoveL p1,v100,fine,tool0\\WObj:=wobj0;", POINTS)
-    after = rewritten(before, 1)
-    assert lines_that_differ(before.text, after) == [
-        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-        "MoveL p1_2,v100,fine,tool0\\WObj:=wobj0;",
-    ]
-    assert after.splitlines()[2].startswith("CONST robtarget p1_2")
-
-
-def test_motions_that_want_the_same_share_it():
-    before = module("MoveL p1,v100,fine,tool0;\nMoveJ p1,v5,fine,tool0;\nMoveJ p1,v50,fine,tool0;", POINTS)
-    program = read_rapid([before])
-    waypoints = shifted(program, 0) | shifted(program, 1, 2, mm=(0, 0, 5))
-    assert lines_that_differ(before.text, program.rewrite(ROBOT, waypoints)[0].text) == [
-        "CONST robtarget p1:=[[10,0,5],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-        "CONST robtarget p1_2:=[[11,0,0],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-        "MoveL p1_2,v100,fine,tool0;",
     ]
 
 
@@ -216,17 +191,6 @@ def test_rewrite_never_calls_a_routine_named_like_a_motion():
         TaskcalError, match=r"part\.mod:\d+: cannot become a MoveL, which is a routine of the program's own"
     ):
         program.rewrite(ROBOT, {0: waypoints})
-
-
-@pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-8-sig"])
-def test_bytes_of_any_encoding_survive(encoding):
-    data = S4C.replace("Grinding cell", "Schleifzelle für Füße").replace("\n", "\r\n").encode(encoding)
-    program = read_rapid([Source.of(Path("grind.prg"), data)])
-    assert program.rewrite(ROBOT, {})[0].encode() == data
-    after = program.rewrite(ROBOT, shifted(program, 2, 3))[0].encode()
-    assert after != data
-    assert after.decode(encoding).count("\r\n") == after.decode(encoding).count("\n")
-    assert "für Füße" in after.decode(encoding)
 
 
 def test_a_robot_without_six_joints_is_refused():

@@ -132,117 +132,47 @@ def test_a_frame_is_given_once(tools: list[str], message: str):
         read_tp(sources, robot=R2000, tools=named)
 
 
-class Machine:
-    """A controller that runs a program of a few kinds of lines, from any contents of registers and frames, at any branch."""
-
-    def __init__(self, rng: np.random.Generator, lines: list[tuple[str, ...]]):
-        self.rng, self.lines = rng, lines
-        anything = lambda: [float(v) for v in rng.uniform(-100.0, 100.0, 6)]  # noqa: E731
-        self.PR = {n: anything() for n in range(1, 4)}
-        self.frames = {(kind, n): anything() for kind in ("UFRAME", "UTOOL") for n in (1, 2)}
-
-    def run(self, steps: int = 80) -> dict[int, list[tuple[list[float], list[float]]]]:
-        """User frame and tool of every visit of each motion, by its line."""
-        found: dict[int, list[tuple[list[float], list[float]]]] = {}
-        at = 0
-        while at < len(self.lines) and steps:
-            steps -= 1
-            kind, *given = self.lines[at]
-            if kind == "component":
-                self.PR[int(given[0])][int(given[1]) - 1] = float(given[2])
-            elif kind == "unknown":
-                self.PR[int(given[0])] = [float(v) for v in self.rng.uniform(-100.0, 100.0, 6)]
-            elif kind in ("UFRAME", "UTOOL"):
-                self.frames[kind, int(given[0])] = list(self.PR[int(given[1])])
-            elif kind == "jump" and self.rng.random() < 0.5:
-                at = next(k for k, line in enumerate(self.lines) if line == ("label", given[0]))
-            elif kind == "motion":
-                found.setdefault(at, []).append(
-                    (self.frames["UFRAME", int(given[0])], self.frames["UTOOL", int(given[1])])
-                )
-                found[at][-1] = tuple(list(one) for one in found[at][-1])
-            at += 1
-        return found
-
-
-def written_line(k: int, line: tuple[str, ...]) -> list[str]:
-    match line:
-        case ("component", n, j, value):
-            return [f"  PR[{n},{j}]={value}" if k % 2 else f"  PR[GP1:{n}:place,{j}]=({value})"]
-        case ("unknown", n):
-            return [f"  PR[{n}]=LPOS" if k % 2 else f"  IF R[1]=1,PR[{n},2]=R[2]"]
-        case ("UFRAME" | "UTOOL" as kind, n, register):
-            return [f"  {kind}[{n}]=PR[{register}]"]
-        case ("label", n):
-            return [f"  LBL[{n}]"]
-        case ("jump", n):
-            return [f"  IF R[1]>{k},JMP LBL[{n}]"]
-        case (_, frame, tool):
-            return [f"  UFRAME_NUM={frame}", f"  UTOOL_NUM={tool}", f"L P[{k + 1}] 100mm/sec FINE"]
-        case _:
-            raise AssertionError(line)
-
-
-def random_lines(rng: np.random.Generator) -> list[tuple[str, ...]]:
-    share = rng.choice([0.0, 0.6])  # of labels, so that half of the programs go one way
-    lines: list[tuple[str, ...]] = []
-    if rng.random() < 0.7:
-        lines += [("component", "1", str(j), f"{10 * j}") for j in range(1, 7)]
-        lines += [(kind, n, "1") for kind in ("UFRAME", "UTOOL") for n in "12"]
-    lines += [("label", "1")] if rng.random() < share else []
-    for _ in range(int(rng.integers(2, 8))):
-        register, kind = str(rng.integers(1, 4)), str(rng.choice(["UFRAME", "UTOOL"]))
-        components = [
-            ("component", register, str(j), f"{rng.uniform(-99.0, 99.0):.3f}") for j in rng.permutation(6) + 1
-        ]
-        lines += components if rng.random() < 0.8 else components[:5]
-        if rng.random() < 0.15:
-            lines.append(("unknown", register))
-        lines.append((kind, str(rng.integers(1, 3)), register if rng.random() < 0.8 else str(rng.integers(1, 4))))
-        if ("label", "2") not in lines and rng.random() < share:
-            lines.append(("label", "2"))
-        lines.append(("motion", str(rng.integers(1, 3)), str(rng.integers(1, 3))))
-        labels = [line[1] for line in lines if line[0] == "label"]
-        if labels and rng.random() < 0.6:
-            lines.append(("jump", str(rng.choice(labels))))
-    return lines
-
-
-@given(generators)
-def test_frames_that_a_program_sets_to_numbers_are_those_of_every_run(rng: np.random.Generator):
-    """What is read is so whatever registers and frames held before, and however its branches go."""
-    lines = random_lines(rng)
-    text = [one for k, line in enumerate(lines) for one in written_line(k, line)]
-    positions = {
-        str(k + 1): pose(10.0, 20.0, 30.0, frames=f"UF : {line[1]}, UT : {line[2]}")
-        for k, line in enumerate(lines) if line[0] == "motion"
-    }  # fmt: skip
-    program = read_tp([listing(text, positions)], robot=R2000)
-    read = {int(move.end.name[2:-1]) - 1: move for move in program.motions}
-    for _ in range(4):
-        for k, visits in Machine(rng, lines).run().items():
-            for frame, tool in visits if k in read else ():
-                np.testing.assert_allclose(read[k].part.T, world_in_base(R2000) @ placed(frame), atol=1e-12)
-                np.testing.assert_allclose(read[k].tool.T, placed(tool), atol=1e-12)
-    if not [line for line in lines if line[0] in ("label", "unknown")]:  # one way: what is set whole before is read
-        held, whole = set[tuple[str, str]](), dict[str, set[str]]()
-        for k, line in enumerate(lines):
-            match line:
-                case ("component", n, j, _):
-                    whole.setdefault(n, set()).add(j)
-                case ("UFRAME" | "UTOOL" as kind, n, register):
-                    (held.add if len(whole.get(register, ())) == 6 else held.discard)((kind, n))
-                case (_, n, m):
-                    assert (k in read) == ({("UFRAME", n), ("UTOOL", m)} <= held)
-                case _:
-                    pass
-
-
 def placed(values: list[float]) -> np.ndarray:
     """X Y Z W P R, millimetres and degrees."""
     x, y, z, w, p, r = values
     R = se3.rotation("z", np.radians(r)) @ se3.rotation("y", np.radians(p)) @ se3.rotation("x", np.radians(w))
     return se3.translation(x * 1e-3, y * 1e-3, z * 1e-3) @ R
+
+
+VALUES = [10.5, -20.0, 30.0, 40.0, -50.0, 60.0]
+
+
+def components(*which: int) -> list[str]:
+    """What sets components of register 2 to numbers, in both ways of writing them."""
+    return [
+        f"  PR[2,{j}]={v}" if j % 2 else f"  PR[GP1:2:place,{j}]=({v})" for j, v in enumerate(VALUES, 1) if j in which
+    ]
+
+
+@pytest.mark.parametrize("kind", ["UFRAME", "UTOOL"])
+@pytest.mark.parametrize(
+    ("lines", "known"),
+    [
+        (components(*range(1, 7)), True),
+        (components(1, 2, 3, 4, 5), False),
+        ([*components(*range(1, 7)), "  PR[2]=LPOS"], False),
+        (["  PR[2]=LPOS", *components(*range(1, 7))], True),
+        ([*components(*range(1, 7)), "  IF R[1]=1,PR[2,2]=R[2]"], False),
+        ([*components(1, 2, 3, 5, 6), "  IF R[1]=1,JMP LBL[1]", *components(4), "  LBL[1]"], False),
+    ],
+)
+def test_frame_of_a_register_is_known_whose_components_all_are(kind: str, lines: list[str], known: bool):
+    """Whatever registers and frames held before; on branches as `test_interpreters` has them."""
+    other = "UTOOL" if kind == "UFRAME" else "UFRAME"
+    whole = [line.replace("PR[2", "PR[3").replace("GP1:2", "GP1:3") for line in components(*range(1, 7))]
+    sets = [*whole, f"  {other}[1]=PR[3]", *lines, f"  {kind}[1]=PR[2]"]
+    program = read_tp(
+        [listing([*sets, "  UFRAME_NUM=1", "  UTOOL_NUM=1", "L P[1] 9mm/sec FINE"], {"1": pose(1, 2, 3)})], robot=R2000
+    )
+    assert len(program.motions) == known
+    for move in program.motions:
+        np.testing.assert_allclose(move.part.T, world_in_base(R2000) @ placed(VALUES), atol=1e-12)
+        np.testing.assert_allclose(move.tool.T, placed(VALUES), atol=1e-12)
 
 
 @pytest.mark.parametrize("between", ["  CALL INSIDE", "  RUN INSIDE"])

@@ -8,8 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from robot_programs.core.program import Unresolved
 from robot_programs.tp.listing import Configuration, edits_for, joint_values, listed, pose_values, read_positions
-from taskcal.robot.error_model import ErrorModel
-from tests.laws.robots import generators
 from tests.robot_programs.tp.samples import R2000, degrees, joints, pose
 
 lengths, angles = st.floats(-3000.0, 3000.0), st.floats(-180.0, 180.0)
@@ -114,25 +112,6 @@ def test_text_is_read_back(flip, elbow, front, a, b, c):
 def test_other_forms_are_not_understood(text):
     with pytest.raises(Unresolved, match="not understood"):
         Configuration.parse(text)
-
-
-@given(generators)
-def test_a_posture_agrees_with_its_own_configuration(rng):
-    for _ in range(5):
-        q = rng.uniform(*R2000.limits.T)
-        own = NUT.of(R2000, q)
-        assert own.agrees(R2000, q[None])[0]
-
-
-@given(generators)
-def test_configuration_distinguishes_ik_branches(rng):
-    """The configuration string distinguishes the IK branches of one pose."""
-    q = degrees(*rng.uniform([-80, 0, -40, -90, -100, -90], [80, 40, 0, 90, -10, 90]))
-    flipped = q * [1, 1, 1, 1, -1, 1] + degrees(0, 0, 0, 180, 0, 180)
-    turned = q + degrees(0, 0, 0, 0, 0, 360)
-    poses = ErrorModel(R2000).poses(np.stack([q, flipped, turned]))
-    np.testing.assert_allclose(poses, poses[[0, 0, 0]], atol=1e-9)
-    np.testing.assert_array_equal(NUT.of(R2000, q).agrees(R2000, np.stack([q, flipped, turned])), [True, False, False])
 
 
 def test_turns_are_those_of_axis_6_and_of_1_and_4_or_4_and_5():
