@@ -71,13 +71,16 @@ def _write_list(folder: Path) -> None:
 
 @pytest.fixture(scope="session")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a task, campaigns of one and three reflectors and of poses, and a calibration of the first."""
+    """A folder with a task, campaigns of one and three reflectors and of poses, a calibration of the first, and another campaign
+    of the robot of the first."""
     folder = tmp_path_factory.mktemp("cell")
     (folder / "task.toml").write_text(TASK)
     _write_list(folder)
     task = ["--robot", IRB6660, "--task", str(folder / "task.toml"), "--json"]
     truth = ["--truth", str(folder / "truth.json")]
     assert main(["simulate", *task, "--count", "60", "-o", str(folder / "one.csv"), *truth]) == 0
+    same = ["--truth-from", str(folder / "truth.json"), "--seed", "1"]
+    assert main(["simulate", *task, "--count", "40", "-o", str(folder / "other.csv"), *same]) == 0
     assert main(["simulate", *task, "--count", "30", "-o", str(folder / "three.csv"), "--targets", "3"]) == 0
     assert main(["simulate", *task, "--count", "30", "-o", str(folder / "poses.csv"), "--pose"]) == 0
     assert (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import CampaignError
 from taskcal.identification.identify import identify
 from taskcal.identification.validation import (
@@ -13,6 +14,7 @@ from taskcal.identification.validation import (
     STATISTICS,
     accept,
     examine,
+    fitted_rows,
     off_stored_residuals,
     validate,
 )
@@ -25,12 +27,26 @@ from tests.laws.robots import industrial, industrial_positions
 
 
 def case(seed=0, rows=160, **kind):
+    calibration, held, _ = whole_case(seed, rows, **kind)
+    return calibration, held
+
+
+def whole_case(seed=0, rows=160, **kind):
     rng = np.random.default_rng(seed)
     model = ErrorModel(robot_from(industrial(rng)))
     x = rng.normal(size=len(model)) * model.tolerances
     campaign, _ = measure(rng, model, industrial_positions(rng, rows), x, sigma=5e-5, uncertainty=5e-5, **kind)
     fitted, held = campaign.split(0.6, rng)
-    return identify(model, fitted), held
+    return identify(model, fitted), held, fitted
+
+
+def joined(first, second):
+    """The rows of both, as measured in one campaign."""
+    both = {
+        name: None if getattr(first, name) is None else np.concatenate([getattr(first, name), getattr(second, name)])
+        for name in ("q", "points", "rotations", "uncertainty")
+    }
+    return Campaign(ids=tuple(map(str, range(len(both["q"])))), targets=first.targets, **both)
 
 
 @pytest.mark.parametrize("kind", [{"targets": 3, "lost": 0.1}, {"pose": True, "rotation_sigma": 1e-4}])
@@ -122,6 +138,58 @@ def test_of_robots_right_at_the_limit_one_in_twenty_passes():
         )
         passed += accept(one, limit, "max").accepted
     assert passed / 1000 == pytest.approx(0.05, abs=0.02)
+
+
+KINDS = {"points": {}, "targets": {"targets": 3, "lost": 0.1}, "poses": {"pose": True, "rotation_sigma": 1e-4}}
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_rows_that_were_fitted_are_named_and_decide_nothing(kind):
+    """In any order, under any name and written anew; the same poses measured again are others."""
+    calibration, held, fitted = whole_case(**kind)
+    rng = np.random.default_rng(4)
+    mixed, order = joined(fitted, held), rng.permutation(len(fitted) + len(held))
+    mixed = replace(
+        mixed,
+        ids=tuple(f"p{k}" for k in range(len(mixed))),
+        q=np.round(mixed.q, 9)[order],
+        points=np.round(mixed.points, 7)[order],
+        uncertainty=mixed.uncertainty[order],
+        rotations=None if mixed.rotations is None else mixed.rotations[order],
+    )
+    was = order < len(fitted)
+    np.testing.assert_array_equal(fitted_rows(calibration, mixed), was)
+    examined = examine(calibration, mixed)
+    (remark,) = [one for one in examined.validation.remarks if "fitted to" in one]
+    assert f"{was.sum()} of {len(mixed)} rows" in remark
+    alone = accept(examine(calibration, mixed.take(np.flatnonzero(~was))), 1e-3)
+    assert accept(examined, 1e-3).value == pytest.approx(alone.value, rel=1e-12)
+    assert not any("fitted to" in one for one in validate(calibration, held).remarks)
+    with pytest.raises(CampaignError, match=f"all {len(fitted)} rows are those that the calibration was fitted to"):
+        accept(examine(calibration, fitted), 1.0)
+    again = replace(fitted, points=fitted.points + rng.normal(scale=1e-5, size=fitted.points.shape))
+    assert not fitted_rows(calibration, again).any()
+    assert accept(examine(calibration, again), 1.0).accepted
+
+
+@pytest.mark.parametrize("rows", [5, 8, 40])
+def test_what_frames_take_of_the_errors_of_their_rows_is_accounted_for(rows):
+    """Independent errors are found as large as they are, in the mean, from however few rows the frames are refitted."""
+    rng = np.random.default_rng(0)
+    model = ErrorModel(robot_from(industrial(rng)))
+    q = industrial_positions(rng, 700)
+    campaign, _ = measure(rng, model, q, np.zeros(len(model)), sigma=5e-5, uncertainty=5e-5)
+    calibration = identify(model, campaign.take(range(60)))
+    squares = []
+    for k in range(15):
+        chosen = campaign.take(60 + rng.permutation(640)[:rows])
+        off = replace(chosen, points=chosen.points + rng.normal(scale=1e-3, size=chosen.points.shape))
+        examined = examine(calibration, off, reregister=True)
+        decided = accept(examined, 1.0)
+        squares.append(decided.most**2)
+        assert decided.most >= decided.value
+        assert any("found from these" in one for one in examined.validation.remarks) == (rows < 30), k
+    assert np.sqrt(np.mean(squares)) == pytest.approx(np.sqrt(3) * 1e-3, rel=0.25)
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, np.nan, np.inf])

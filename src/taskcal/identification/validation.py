@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import Campaign
-from taskcal.errors import CampaignError
+from taskcal.errors import CampaignError, listed
 from taskcal.estimation.noisy_rows import MIN_VARIANCE, PoseNoise
 from taskcal.geometry import se3
 from taskcal.identification.calibration import (
@@ -43,6 +43,7 @@ from taskcal.registration.plausibility import check_plausible
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
+from taskcal_groundwork.said import Said
 
 
 @checked
@@ -59,8 +60,11 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         CampaignError: nothing was measured, or the targets are not the calibration's.
         ClosureError: a closed loop cannot be assembled at some pose.
     """
-    if reregister:
-        calibration = reregister_frames(calibration, campaign)
+    return _validation(calibration, reregister_frames(calibration, campaign) if reregister else calibration, campaign)
+
+
+def _validation(stored: Calibration, calibration: Calibration, campaign: Campaign) -> Validation:
+    """Errors by a calibration, or by `stored` in frames that were refitted to these rows, with what qualifies them."""
     _, others = in_its_frames(calibration, campaign)
     residual = errors_on(calibration, campaign)
     if not campaign.valid.any():
@@ -70,7 +74,7 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         compared=_compared(calibration, campaign),
         remarks=_station_remarks(calibration, campaign, others),
     )
-    remarks: list[str] = []
+    remarks = [*_fitted_remarks(stored, campaign), *_refitted_remarks(stored, calibration, campaign)]
     off = float(np.median(validation.errors))
     if off > PLAUSIBLE_SHARE * calibration.model.robot.reach:
         remarks.append(
@@ -82,6 +86,110 @@ def validate(calibration: Calibration, campaign: Campaign, *, reregister: bool =
         campaign.q, name_rows([campaign.row_of(row) for row in range(len(campaign))], campaign.ids)
     )
     return replace(validation, remarks=(*validation.remarks, *remarks, *([outside] if outside else [])))
+
+
+SAME_JOINTS = 1e-7
+"""Difference of joint values that writing a row again may leave, radians (metres)."""
+
+SAME_RESIDUAL = 1e-6
+"""Difference of residuals that writing a row again may leave, metres (radians): files state points to 0.001 mm at least. Another
+measurement of the pose has other noise, along three axes."""
+
+SAME_LENGTH = 1e-8
+"""The same of the lengths of residuals, all that can be compared where several stations have axes of their own, metres: those of
+other measurements agree by chance more easily than three coordinates do."""
+
+
+def fitted_rows(calibration: Calibration, campaign: Campaign) -> Bool[np.ndarray, " n"]:
+    """Rows that are among those to which a calibration was fitted, in whatever order and under whatever name.
+
+    They have the joint values of one of them, and leave what that one left.
+
+    Args:
+        calibration: the calibration.
+        campaign: measurements.
+    """
+    from scipy.spatial import KDTree
+
+    out = np.zeros(len(campaign), dtype=bool)
+    shared = [name for name in campaign.targets if name in calibration.targets]
+    if not shared or len(calibration.q) == 0:
+        return out
+    near = KDTree(campaign.q).query_ball_tree(KDTree(calibration.q), SAME_JOINTS)
+    rows = np.flatnonzero([len(one) > 0 for one in near])
+    if not len(rows):
+        return out
+    known = as_known(calibration, campaign.of_targets(shared))
+    found, stored = residuals_on(calibration, known), calibration.residuals[:, calibration.rows_of(shared)]
+    width, within = min(found.shape[2], stored.shape[2]), SAME_RESIDUAL
+    found, stored = found[..., :width], stored[..., :width]
+    if campaign.stations is not None or len(calibration.stations) > 1:
+        found, stored = (np.linalg.norm(one[..., :3], axis=2, keepdims=True) for one in (found, stored))
+        within = SAME_LENGTH
+    for row in rows:
+        off = np.abs(stored[near[row]] - found[row])
+        seen = np.isfinite(off)
+        out[row] = bool((seen.any(axis=(1, 2)) & (off <= within).all(axis=(1, 2), where=seen)).any())
+    return out
+
+
+def _fitted_remarks(calibration: Calibration, campaign: Campaign) -> tuple[str, ...]:
+    """Say how many rows the calibration was fitted to: their errors are those of the fit."""
+    fitted = fitted_rows(calibration, campaign)
+    if not fitted.any():
+        return ()
+    names = name_rows(
+        *zip(*((campaign.row_of(row), campaign.ids[row]) for row in np.flatnonzero(fitted).tolist()), strict=True)
+    )
+    return (
+        Said(
+            "{count} of {all} rows are those that the calibration was fitted to ({rows}): their errors are residuals of the "
+            "fit, which underestimate those of other poses, and count in no decision; judge it by rows that were not fitted",
+            count=int(fitted.sum()),
+            all=len(campaign),
+            rows=listed(names, MAX_FITTED),
+        ),
+    )
+
+
+MAX_FITTED = 3
+"""Fitted rows that a remark names."""
+
+
+def kept_share(stored: Calibration, fitted: Calibration, campaign: Campaign) -> float:
+    """Share of the measured numbers that is left to judge by, once frames and targets were found from the same rows.
+
+    A fit takes as many of the numbers as it has unknowns, and as much of the squares of independent errors.
+
+    Args:
+        stored: the calibration.
+        fitted: the same, or in frames that were refitted to the campaign.
+        campaign: measurements.
+    """
+    unknowns = 6 * len(in_its_frames(fitted, campaign)[1]) if campaign.tracked else 0
+    if fitted is not stored:
+        unknowns += len(fitted.z) - len(fitted.estimate)
+    valid, turns = int(campaign.valid.sum()), fitted.layout.pose and campaign.rotations is not None
+    return max(1.0 - unknowns / ((6 if turns else 3) * valid), 0.0) if campaign.tracked and valid else 1.0
+
+
+def _refitted_remarks(stored: Calibration, calibration: Calibration, campaign: Campaign) -> tuple[str, ...]:
+    """Say that the rows that are judged located the frames, where they are so few that this takes much of their errors."""
+    kept = kept_share(stored, calibration, campaign)
+    if calibration is stored or kept >= ENOUGH_KEPT:
+        return ()
+    return (
+        Said(
+            "tracker frame and targets were found from these {count} rows themselves, which leaves about {factor} of the errors "
+            "that predicted rows have: measure more rows",
+            count=len(campaign),
+            factor=f"{np.sqrt(kept):.2f}",
+        ),
+    )
+
+
+ENOUGH_KEPT = 0.9
+"""Share of the measured numbers that frames which are found from them leave, from which on nothing is said: errors are 5 % less."""
 
 
 def _station_remarks(calibration: Calibration, campaign: Campaign, others: tuple[str, ...]) -> tuple[str, ...]:
@@ -218,6 +326,10 @@ class Examination:
     """Whether neighbouring rows or poses have much the same error as each outlier, as those do that a model leaves."""
     measured_range: MeasuredRange
     """Where the calibration was measured."""
+    fitted: Bool[np.ndarray, " points"]
+    """Whether each point is of a row that the calibration was fitted to."""
+    kept: float
+    """Share of the measured numbers that is left to judge by, once frames were found from these very rows (`kept_share`)."""
     off_stored: float | None = None
     """If this is the campaign that the calibration was fitted to: how far its residuals are off the calibration's own, metres or
     radians."""
@@ -333,7 +445,7 @@ def examine(
         ClosureError: a closed loop cannot be assembled at some pose.
     """
     fitted = reregister_frames(calibration, campaign, noise=noise) if reregister else calibration
-    validation = validate(fitted, campaign)
+    validation = _validation(calibration, fitted, campaign)
     known = as_known(fitted, campaign)
     residual, covariance = errors_on(fitted, known), known.covariances(noise)
     rows, targets = np.nonzero(campaign.valid)
@@ -368,6 +480,8 @@ def examine(
         outliers=outliers,
         shared=shared,
         measured_range=calibration.measured_range,
+        fitted=fitted_rows(calibration, campaign)[rows],
+        kept=kept_share(calibration, fitted, campaign),
         off_stored=off_stored_residuals(calibration, campaign),
     )
 
@@ -469,21 +583,31 @@ def accept(examination: Examination, limit: float, of: Statistic = RULE_OF) -> A
         limit: of the error in space, metres.
         of: what is held against it: the root mean square, the largest error, the 95th percentile or the mean.
 
+    Rows that the calibration was fitted to decide nothing. Where tracker frame and targets were found from the rows that are
+    judged, the guard band has what that took of their errors.
+
     Raises:
         ValueError: a limit that is not above zero, or another statistic.
+        CampaignError: the calibration was fitted to all of these rows.
     """
     if of not in STATISTICS:
         raise ValueError(f"of is {of!r}; give {', '.join(STATISTICS)}")
     if not 0.0 < limit < np.inf:
         raise ValueError(f"limit is {limit!r}; give metres above zero")
-    errors, guard = examination.validation.errors, GUARD * examination.uncertainty
-    value = _VALUES[of]
+    unseen = ~examination.fitted
+    if not unseen.any():
+        raise CampaignError(
+            f"all {len(examination.campaign)} rows are those that the calibration was fitted to, so that nothing decides whether "
+            "it keeps a limit: give measurements of other poses"
+        )
+    errors, guard = examination.validation.errors[unseen], GUARD * examination.uncertainty[unseen]
+    value, taken = _VALUES[of], float(np.sqrt(max(examination.kept, 1e-6)))
     return Acceptance(
         limit=limit,
         of=of,
         value=value(errors),
         least=value(np.maximum(errors - guard, 0.0)),
-        most=value(errors + guard),
+        most=value(errors + guard) / taken,
     )
 
 

@@ -24,13 +24,23 @@ MORE = [
 def test_a_limit_is_kept_or_not_and_the_exit_status_says_so(
     run: Run, cell: Path, limit: float, status: int, decision: str
 ) -> None:
-    ended = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--json")
+    ended = run("validate", cell / "cal.json", cell / "other.csv", "--accept", limit, "--json")
     assert (ended.status, ended.json["acceptance"]["decision"]) == (status, decision)
     assert ended.json["acceptance"]["value_mm"] == ended.json["rms_mm"]
-    read = run("validate", cell / "cal.json", cell / "one.csv", "--accept", limit, "--accept-of", "mean")
+    read = run("validate", cell / "cal.json", cell / "other.csv", "--accept", limit, "--accept-of", "mean")
     assert read.status == status
     assert decision.upper() in read.out
     assert "JCGM 106" in " ".join(read.out.split())
+
+
+def test_the_fitted_campaign_decides_nothing(run: Run, cell: Path) -> None:
+    ended = run("validate", cell / "cal.json", cell / "one.csv", "--accept", "0.5")
+    assert ended.status == 1
+    assert "all 60 rows are those that the calibration was fitted to" in ended.err
+    assert (
+        "60 of 60 rows are those that the calibration was fitted to"
+        in run("validate", cell / "cal.json", cell / "one.csv").err
+    )
 
 
 def test_the_worst_rows_are_listed_or_all(run: Run, cell: Path) -> None:
