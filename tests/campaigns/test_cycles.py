@@ -76,6 +76,21 @@ WRONG_POSES = {
     ),
     "unknown": (POSES.replace("cycle", "cycle,note"), ["P1,1,warm,0,0,0,0,0,0"], "unknown column 'note'; it may have"),
     "two alike": (POSES.replace("pose", "pose,Pose"), ["P,P1,1,0,0,0,0,0,0"], "named 'pose' but for letter case"),
+    "lost": (
+        POSES,
+        [*POSE_ROWS, "P1,3,1000,0,500,0,0,0"],
+        "5: column 'x_mm': 0 in all three.*where pose 'P1' is, is no meas",
+    ),
+    "lost by nines": (
+        POSES,
+        [*POSE_ROWS, "P2,3,0,0,0,9999,9999,9999"],
+        "5: column 'x_mm': 9999 in all three.*a lost beam",
+    ),
+    "lost, not commanded": (
+        "pose,cycle,x_mm,y_mm,z_mm",
+        ["P,1,0.000,0,0", "P,2,9,9,9", "P,3,9,9.1,9"],
+        "2: column 'x_mm': 0 in all three.*leave out the row",
+    ),
     "quaternion": ("pose,cycle,x_mm,y_mm,z_mm,qx,qy,qz,qw", ["P,1,0,0,0,1,1,0,0"], "2: column 'qx'.*length 1.4142"),
 }
 
@@ -91,6 +106,7 @@ WRONG_PATHS = {
     "new section": (PATH, [*PATH_ROWS, "c,2,9,0,0,9,0,0"], "6: column 'section': the first pass has no section 'c'"),
     "twice": (PATH, [*PATH_ROWS, PATH_ROWS[-1]], "6: column 'section': section 'b' of pass '2' is in line 5 already"),
     "another command": (PATH, [*PATH_ROWS[:3], "b,2,11,0,0,9,0,0"], "11 is another command for section 'b' than 10"),
+    "lost": (PATH, [*PATH_ROWS[:3], "b,2,10,0,0,-99999.9,-99999.9,-99999.9"], "5: column 'x_mm': 99999.9 in all three"),
     "one row": (PATH, PATH_ROWS[:3], "4: column 'cycle': pass '2' has one row"),
 }
 
@@ -99,6 +115,15 @@ WRONG_PATHS = {
 def test_wrong_passes_are_told_where_and_what(tmp_path, header, rows, message):
     with pytest.raises(FileError, match=message):
         read_path_cycles(write(tmp_path, header, rows))
+
+
+def test_zeros_where_zero_is_meant_are_measured(tmp_path):
+    rows = ["P1,1,0,0,0,0,0,0", "P1,2,0,0,0,0.1,0,0", "P2,1,9999,9999,9999,9999,9999,9999"]
+    assert [len(pose.attained) for pose in read_pose_cycles(write(tmp_path, POSES, rows))] == [2, 1]
+    path = write(tmp_path, "x_mm,y_mm,z_mm", ["-10,0,0", "10,0,0"], "path.csv")
+    assert (
+        len(read_path_cycles(write(tmp_path, "cycle,x_mm,y_mm,z_mm", ["1,-9,0,0", "1,0,0,0"]), path).attained[0]) == 2
+    )
 
 
 def test_a_path_of_its_own_has_points_only(tmp_path):

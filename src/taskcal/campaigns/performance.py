@@ -1,5 +1,6 @@
 """Accuracy and repeatability of a pose that was approached several times: ISO 9283:1998, clause 7.2."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -254,6 +255,10 @@ def read_pose_cycles(path: str | Path) -> tuple[PoseCycles, ...]:
             )
             raise columns.error(message, row, "cycle")
         group[cycle] = row
+    for (pose, _), group in groups.items():
+        rows = list(group.values())
+        at = np.median(attained[rows], axis=0) if commanded is None else commanded[rows[0]]
+        _refuse_lost(columns, attained, rows, at[None], f"where pose '{pose}' is")
     out: list[PoseCycles] = []
     for (pose, direction), group in groups.items():
         rows = list(group.values())
@@ -303,6 +308,7 @@ def read_path_cycles(path: str | Path, commanded: str | Path | None = None) -> P
     if lonely:
         message = f"pass '{cycles[lonely[0]]}' has one row; a pass needs two or more"
         raise columns.error(message, lonely[0], "cycle")
+    _refuse_lost(columns, attained, range(len(attained)), path_points, "the path")
     return PathCycles(
         sections=names,
         commanded=path_points,
@@ -356,6 +362,40 @@ def _names(columns: Table, column: str) -> list[str]:
     if "" in names:
         raise columns.error(f"the cell is empty; name the {column}", names.index(""), column)
     return names
+
+
+LOST_FROM_M = 1e-3
+"""Distance from where a point is commanded or measured else, metres, from which on zeros and nines are no measurement."""
+
+
+def _refuse_lost(
+    columns: Table,
+    attained: Float[np.ndarray, "rows 3"],
+    rows: Iterable[int],
+    near: Float[np.ndarray, "points 3"],
+    others: str,
+) -> None:
+    """See that no row has what instruments write in place of a point that they did not see.
+
+    Raises:
+        FileError: three zeros, or the same nines, far from all points where it may be, and from between two of a path.
+    """
+    between = float(np.linalg.norm(np.diff(near, axis=0), axis=1).max(initial=0.0))
+    for row in rows:
+        x, y, z = (f"{abs(value):g}" for value in np.round(attained[row] * 1e3, 6))
+        if not (x == y == z and (x == "0" or _NINES.fullmatch(x))):
+            continue
+        off = float(np.linalg.norm(near - attained[row], axis=1).min())
+        if off > LOST_FROM_M + between:
+            message = (
+                f"{x} in all three coordinates, {off * 1e3:.0f} mm from {others}, is no measurement but a lost beam: leave out the "
+                "row, or measure it again"
+            )
+            raise columns.error(message, row, POSITION[0])
+
+
+_NINES = re.compile(r"9{4,}(?:\.9*)?")
+"""What an instrument writes for a point that it did not see."""
 
 
 def _rotations(columns: Table, prefix: str = "") -> Float[np.ndarray, "rows 3 3"] | None:
