@@ -315,7 +315,8 @@ class NoisyFit:
         information[k:, k:] *= -1.0
         information += 0.5 * T @ T.T + np.diag(np.where(np.arange(k + len(s)) < k, 0.0, 0.5 * squares))
         information += np.diag((1.0 - share) * np.maximum(-gradient, 0.0))  # of what is next to nothing
-        gradient[:k] -= self.errors.precision[:k] * np.log(v / self.errors.expected)
+        if k:
+            gradient[:k] -= self.errors.precision * np.log(v / self.errors.expected)
         gradient[k:] -= groups.precision @ (found.log_variances - groups.location)[s]
         information[:k, :k] += np.diag(self.errors.precision[:k])
         information[k:, k:] += groups.precision
