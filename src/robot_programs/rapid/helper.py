@@ -10,7 +10,7 @@ Targets of motions are put through this function as far as the text tells which 
 from collections.abc import Container, Iterator, Mapping
 from math import cos, degrees
 
-from robot_programs.core.form import Ask, Expression, Key, Line, MoveLine, Ref, expressions
+from robot_programs.core.form import Ask, Assign, Expression, Key, Line, MoveLine, Ref, expressions
 from robot_programs.core.helper import (
     MEASURED,
     Dialect,
@@ -90,11 +90,13 @@ def wrap(
         declared: what tools and work objects are declared as.
     """
     known = {MEASURED, *measured(_gifts(form))}
+    lines = (line for routine in form.all for line in routine.lines)
+    assigned = {line.target.key for line in lines if isinstance(line, Assign) and not line.target.path}
     for routine in form.procedures:
         source = routine.file.source
         for line in routine.lines:
             if isinstance(line, MoveInstruction) and line in motions and line.key in MOTION_FORMS:
-                edits = _edits(line, routine, known, function, shift, without, declared)
+                edits = _edits(line, routine, known, function, shift, without, declared, assigned)
                 yield Wrapped.of(source.place(line.at[1]), line.name, edits)
 
 
@@ -112,6 +114,7 @@ def _edits(
     shift: str,
     without: Container[str],
     declared: Mapping[Symbol, Value],
+    assigned: Container[Key],
 ) -> Iterator[TextEdit]:
     scope, text = routine.scope, routine.file.source.text
     form, where = MOTION_FORMS[line.key], layout(line.key, arguments_of(routine.file.source, line.at[1]))
@@ -126,7 +129,8 @@ def _edits(
         if frame.name is None:
             raise Unresolved("its tool or work object is no data")
         symbol = scope.known(frame.name.text)
-        if key_of(frame.name) in without or (without and symbol is not None and symbol.parameter_of):
+        unsure = symbol is not None and (symbol.parameter_of or symbol in assigned)
+        if key_of(frame.name) in without or (without and unsure):
             raise Unresolved(f"'{frame.name.text}' was measured, or may be what was, which the function does not know")
         if why := _why_it_stops(frame.name.text, declared.get(symbol) if symbol and _is_whole(frame) else None):
             raise Unresolved(f"{why}: there the function would only stop the program")
