@@ -13,21 +13,28 @@ import pytest
 from robot_programs.tp.meaning import world_in_base
 from taskcal.correction.correct import correct
 from taskcal.correction.options import Bounds
-from tests.correction.by_pinocchio import defective, true_tool
+from tests.correction.by_pinocchio import COARSE, defective, true_tool
 from tests.robot_programs.conformance.cases import (
     C1,
     C2,
     CASES,
     K1,
+    K2,
+    P1,
     SENSOR,
     UNWRITTEN,
+    D,
+    Q,
     above,
     call,
+    copy,
     literal,
     loop,
     move,
     number,
+    procedure,
     program,
+    put,
     times,
     truth,
 )
@@ -177,3 +184,52 @@ def test_shifted_targets_are_corrected_or_as_they_were(name, share, tolerance):
                 assert np.abs(again.motions[k].end.T - found.program.motions[i].end.T).max() < 1e-9, pieces
             if "unread" not in pieces and "other frame" not in pieces and name != "TP":
                 assert len(found.corrected) == len(found.program.motions), pieces
+
+
+TOGETHER = {
+    "shifted": program(move(above(K1, number(80))), move(K1), move(above(K1, number(60))), move(K2)),
+    "given to a routine": program(
+        call(r := procedure(move(above(Q, D)), move(Q), move(above(Q, number(60)))), K1, number(80)), move(K2), routines=[r]
+    ),
+    "copied": program(
+        copy(P1, K1), put(P1, "z", ("+", ("part", P1, "z"), number(80))), move(P1), move(K1),
+        put(P1, "z", ("-", ("part", P1, "z"), number(20))), move(P1), move(K2),
+    ),
+}  # fmt: skip
+"""Three motions to one target, or above it, and one to another."""
+
+
+def one_refused(calibration, text):
+    """Which motions are refused where a bound refuses those that move farthest."""
+    moved = correct(calibration, text, bounds=COARSE).shift
+    cuts = np.unique(moved.round(9))
+    assert len(cuts) > 2
+    bounds = [replace(COARSE, shift=float(cut)) for cut in (cuts[1:] + cuts[:-1]) / 2]
+    found = [correct(calibration, text, bounds=bound, accept_uncertain=True) for bound in bounds]
+    return [set(range(len(moved))) - set(one.corrected.tolist()) for one in found]
+
+
+@pytest.mark.parametrize("kind", TOGETHER)
+@pytest.mark.parametrize("name", ["RAPID", "KRL", "URScript"])
+def test_motions_to_one_target_are_corrected_together(name, kind):
+    """Or none of them is. In TP the target above is another register's, or its Offset's: see test_shared_targets."""
+    language, (calibration, _, _, tool) = LANGUAGES[name], begun(name)
+    text = language.reading(language.written(TOGETHER[kind], tool, home=True), tool, calibration.model.robot)
+    last = TOGETHER[kind].routines[-1].body[-1].line
+    same = {i for i, one in enumerate(text.motions) if one.kind != "axes" and one.place.line != last}
+    assert len(same) == 3
+    cases = one_refused(calibration, text)
+    assert all(same <= refused or not same & refused for refused in cases)
+    assert any(same <= refused for refused in cases)
+
+
+def test_variable_that_is_set_anew_is_another_target():
+    """In KRL a motion that is known at run time only keeps those to what the variable held at last, and no others."""
+    name = "KRL"
+    turn = copy(P1, K1), put(P1, "x", ("+", ("part", P1, "x"), times(C1, 60))), move(P1)
+    made = program(loop("for", "c1", 3, *turn), put(P1, "x", SENSOR), move(P1))
+    language, (calibration, _, _, tool) = LANGUAGES[name], begun(name)
+    text = language.reading(language.written(made, tool, home=True), tool, calibration.model.robot)
+    found = correct(calibration, text, bounds=FREE)
+    assert len(text.motions) == 4
+    assert found.corrected.tolist() == [0, 1, 2]

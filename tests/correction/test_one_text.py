@@ -1,7 +1,6 @@
 """One text for many motions: written out where their corrections differ, as if the pallet had been written so."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,12 +8,11 @@ from scipy.optimize import minimize
 
 from robot_programs.core.program import Waypoint
 from robot_programs.core.written_out import Shared, least_worst
-from robot_programs.krl.read import read_krl
 from taskcal.correction.correct import correct
 from taskcal.correction.correction import Correction
 from taskcal.correction.options import Bounds
 from taskcal.geometry import se3
-from tests.correction.test_shared_targets import FREE, SLOW, krl, rapid  # noqa: F401
+from tests.correction.test_shared_targets import FREE, SLOW, rapid  # noqa: F401
 
 FREE_AND_FINE = Bounds(tolerance=5e-6, shift=0.02)
 
@@ -55,114 +53,12 @@ def test_targets_of_a_loop_too_long_to_write_out_stand_in_an_array(turns, rapid,
     assert all(line in lines or "Offs(p1" in line for line in program.sources[0].text.split("\n"))
 
 
-KRL_LOOP = [
-    "DECL INT I,J", "FOR J=0 TO 1 ; rows", "  FOR I=0 TO 4 STEP 2", "    LIN XP1:{X I*20,Y J*-50,Z -40,A 0,B 0,C 0}",
-    "    LIN XP1:{X I*20,Y J*-50,Z 0,A 0,B 0,C 0}", "  ENDFOR", "ENDFOR", "LIN XP2",
-]  # fmt: skip
-KRL_JUMPS = [
-    "DECL INT I,J", "FOR J=0 TO 3", "  FOR I=0 TO 2", "BOX:", "    LIN XP1:{X I*20,Y J*-25,Z -40,A 0,B 0,C 0}",
-    "    IF $IN[1] THEN", "      GOTO BOX", "    ENDIF", "    LIN XP1:{X I*20,Y J*-25,Z 0,A 0,B 0,C 0}", "    IF $IN[2] THEN",
-    "      GOTO READY", "    ENDIF", "  ENDFOR", "  J=J+1", "ENDFOR", "READY:",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("lines", "cells", "end"),
-    [
-        (KRL_LOOP, [(i * 20, j) for j in range(2) for i in (0, 2, 4)], ["LIN XP2"]),
-        (KRL_JUMPS, [(i * 20, j / 2) for j in (0, 2) for i in (0, 1, 2)], []),
-    ],
-)
-def test_krl_loop_is_corrected_as_if_written_out(lines, cells, end, krl, calibration):  # noqa: F811
-    found = correct(calibration, krl(*lines), bounds=FREE_AND_FINE)
-    texts = [f"LIN XP1:{{X {x},Y {j}*-50,Z {z},A 0,B 0,C 0}}" for x, j in cells for z in (-40, 0)]
-    expected = correct(calibration, krl(*texts, *end), bounds=FREE_AND_FINE)
-    assert not found.rejected
-    assert not expected.rejected
-    assert positions(found) == positions(expected)
-
-
-KRL_TABLED = [
-    "DECL INT I,J,H", "H=0", "FOR J=0 TO 1", "  FOR I={} TO {} STEP {}", "    LIN XP1:{{X {},Y J*-50,Z 40,A 0,B 0,C 0}}",
-    "    LIN XP1:{{X {},Y J*-50,Z 0,A 0,B 0,C 0}}", *(f"    H=H+{k}" for k in range(9)), "  ENDFOR", "ENDFOR",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("turns", "listed"), [((1, 1, "(I-1)*60"), True), ((3, -1, "(3-I)*60"), True), ((2, 2, "I*30-60"), False)]
-)
-def test_krl_targets_of_a_long_loop_stand_in_an_array(turns, listed, krl, calibration, monkeypatch):  # noqa: F811
-    """In the data list of the module, or in the routine where that is not given."""
-    first, step, place = turns
-    monkeypatch.setattr("robot_programs.core.written_out.MAX_NEW_LINES", 30)
-    program = krl(
-        *(line.format(*((first, first + 2 * step, step) if "STEP" in line else [place])) for line in KRL_TABLED)
-    )
-    if not listed:
-        source, data = program.sources
-        text = data.text.replace("DEFDAT P", "DEFDAT $CONFIG")
-        program = read_krl([source, replace(data, path=Path("$config.dat"), text=text)])
-    found = correct(calibration, program, bounds=FREE_AND_FINE)
-    bare = [f"LIN XP1:{{X {i * 60},Y {j}*-50,Z {z},A 0,B 0,C 0}}" for i, j in PALLET for z in (40, 0)]
-    expected = correct(calibration, krl(*bare), bounds=FREE_AND_FINE)
-    assert (len(found.corrected), found.rejected) == (13, {})  # with the motion to joint positions
-    assert len(positions(found)) == 12
-    assert positions(found) <= positions(expected)
-    lines, changed = [set("\n".join(s.text for s in one.sources).split("\n")) for one in (found, program)]
-    assert all(line in lines or "LIN XP1:" in line or "PTP {A1" in line for line in changed)
-
-
-@pytest.mark.parametrize(
-    "turn",
-    [
-        ["PTP XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}"],  # without status and turn, which an element would have
-        ["I=I+1", "LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "I=I-1"],
-        ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "IF I==2 THEN", "I=4", "ENDIF"],
-        ["FOR J=1 TO I", "LIN XP1:{X J*60,Y I*20,Z 0,A 0,B 0,C 0}", "ENDFOR"],
-        ["LIN XP1:{X I*60,Y 0,Z 0,A 0,B 0,C 0}", "LIN XP1:{X $ANIN[1],Y 0,Z 0,A 0,B 0,C 0}"],  # of one path
-    ],
-)
-def test_krl_target_that_the_counters_do_not_tell_gets_no_array(turn, krl):  # noqa: F811
-    program = krl("DECL INT I,J", "FOR I=1 TO 5", *turn, "ENDFOR")
-    assert len(program.motions) > 1
-    assert program.tabled(range(len(program.motions))) is None
-
-
-def test_krl_loop_that_is_left_at_a_known_turn_has_an_array(krl):  # noqa: F811
-    counted = ["H=H+1", "IF H>=5 THEN", "GOTO READY", "ENDIF"]
-    turn = ["LIN XP1:{X I*30,Y 0,Z 0,A 0,B 0,C 0}", *counted]
-    program = krl("DECL INT I,H", "H=0", "FOR I=1 TO 9", *turn, "ENDFOR", "READY:")
-    assert program.written_out(range(1, 6)) is None
-    sources = program.tabled(range(1, 6))
-    assert "TASKCAL_TARGETS[5]" in sources[1].text
-    ends = [[motion.end.T for motion in one.motions[1:]] for one in (program, program.reread(sources))]
-    np.testing.assert_allclose(*ends, atol=1e-7)
-    assert len(ends[0]) == 5
-
-
-SET_RAPID = (
-    f"FOR i FROM 0 TO 2 DO\n  put:=p1;\n  put.trans.x:=put.trans.x+i*60;\n  MoveL put,{SLOW}\nENDFOR\n"
-    f"put:=CRobT();\nMoveL put,{SLOW}"
-)
-SET_KRL = [
-    "DECL INT I",
-    "FOR I=0 TO 2",
-    "  XP2=XP1",
-    "  XP2.X=XP2.X+I*60",
-    "  LIN XP2",
-    "ENDFOR",
-    "XP2.X=$ANIN[1]",
-    "LIN XP2",
-]
-
-
-@pytest.mark.parametrize(("language", "corrected"), [("rapid", [0, 1, 2]), ("krl", [0, 1, 2])])
-def test_variable_that_is_set_anew_is_another_target(language, corrected, rapid, krl, calibration):  # noqa: F811
-    """A motion that is known at run time only keeps those to what the variable held at last, and no others."""
-    program = rapid(SET_RAPID, "VAR robtarget put;\n") if language == "rapid" else krl(*SET_KRL)
-    found = correct(calibration, program, bounds=FREE_AND_FINE)
-    assert len([move for move in program.motions if move.end.T is not None]) == 3
-    assert found.corrected.tolist() == corrected
+def test_variable_that_is_set_anew_is_another_target(rapid, calibration):  # noqa: F811
+    """What is known at run time only is no target of motions to what the variable held before."""
+    turns = f"FOR i FROM 0 TO 2 DO\n  put:=p1;\n  put.trans.x:=put.trans.x+i*60;\n  MoveL put,{SLOW}\nENDFOR\n"
+    program = rapid(f"{turns}put:=CRobT();\nMoveL put,{SLOW}", "VAR robtarget put;\n")
+    assert len(program.motions) == 3
+    assert correct(calibration, program, bounds=FREE_AND_FINE).corrected.tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(("zone", "corrected"), [("z10", set()), ("fine", {"p2"})])

@@ -1,7 +1,8 @@
 """Programs that are read from a few of their lines are what all of their lines make them."""
 
-from collections.abc import Callable
-from dataclasses import fields
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from gc import collect
 from pathlib import Path
 from random import Random
@@ -22,120 +23,87 @@ from taskcal.robot.catalogue import load_robot
 TOOL = Frame(name="gun", T=np.diag([1.0, -1.0, -1.0, 1.0]))
 
 
-def rapid(rng: Random) -> str:
-    def run() -> list[str]:
-        name, zone, tool = rng.choice("JL"), rng.choice(["z1", "fine"]), rng.choice(["tGun", "tGun", "tSet", "tNone"])
-        cf, blank = rng.choice(["0,-1,0,1", "0,0,0,0"]), rng.choice(["", " "])
-        q = rng.choice(["1,0,0,0", "0,0.6,0.8,0", "0.5,0.5,0.5,0.5", "0.5,0.5,0.5,0.9"])
-        return [
-            f"Move{name} [[{rng.uniform(-9, 9):.3f},{blank}{rng.randint(0, 99)},5.],[{q}],[{cf}],[9E9,9E9,9E9,9E9,9E9,9E9]],"
-            f"v100,{zone},{tool}\\WObj:=wobj0;"
-            for _ in range(rng.randint(1, 14))
-        ]
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """Programs of a language, of runs of lines that are alike."""
 
-    def block(depth: int) -> list[str]:
-        kind = rng.randint(0, 7 if depth else 2)
-        inner = [line for _ in range(2) for line in block(depth - 1)] if kind > 2 else []
-        match kind:
-            case 3:
-                return ["FOR i FROM 1 TO 2 DO", *inner, "ENDFOR"]
-            case 4:
-                return ["IF di1=1 THEN", *inner, "ELSE", *block(0), "ENDIF"]
-            case 5:
-                return [
-                    *inner,
-                    rng.choice(["other;", "Reset do1;", "! note", "tSet.tframe.trans.z:=n;", "RETURN;", "lost"]),
-                ]
-            case _:
-                return run()
+    motion: str
+    """A line, with random numbers ``u`` and ``v``, small ones, ``a`` and ``c``, angles, and ``i``, whole."""
+    words: Mapping[str, Sequence[str]]
+    """Of its other fields, chosen for each run."""
+    other: Sequence[str]
+    """Lines between runs, some of them around one."""
+    text: str
+    runs: int
+    share: float
+    """Of runs that others follow."""
 
-    def body() -> list[str]:
-        return [line for _ in range(4) for line in block(2)]
+    def write(self, rng: Random) -> str:
+        def run() -> str:
+            own = {name: rng.choice(words) for name, words in self.words.items()}
 
-    tool = "tooldata {}:=[TRUE,[[10,20,300],[1,0,0,0]],[5,[0,0,100],[1,0,0,0],0,0,0]];"
-    head = ["MODULE m", f"PERS {tool.format('tGun')}", f"VAR {tool.format('tSet')}", "VAR num n:=7;", "PROC main()"]
-    return "\n".join([*head, *body(), "ENDPROC", "PROC other()", *body(), "ENDPROC", "ENDMODULE", ""])
+            def line() -> str:
+                u, v, a, c = (rng.uniform(-most, most) for most in (9.0, 0.9, 180.0, 3.0))
+                return self.motion.format(u=u, v=v, a=a, c=c, i=rng.randint(0, 99), **own)
+
+            return "\n".join(line() for _ in range(rng.randint(1, 14)))
+
+        def body() -> str:
+            parts = [run() for _ in range(self.runs)]
+            some = (f"{part}\n{rng.choice(self.other)}" if rng.random() < self.share else part for part in parts)
+            return "\n".join(re.sub("RUN", lambda _: run(), part) for part in some)
+
+        return re.sub("BODY", lambda _: body(), re.sub("LINES", lambda _: run(), self.text))
 
 
-def krl(rng: Random) -> str:
-    def run() -> list[str]:
-        name, words = rng.choice(["LIN", "PTP", "SLIN"]), rng.choice(["", " C_DIS", " C_PTP"])
-        more = rng.choice(["", ",S 2,T 10", ",E1 0.0"])
-        return [
-            f"  {name} {{X {rng.uniform(-900, 900):.3f},Y {rng.randint(0, 99)},Z 5.5,A {rng.uniform(-180, 180):.4f},B -1.0,"
-            f"C {rng.uniform(-180, 180):.2f}{more}}}{words}"
-            for _ in range(rng.randint(1, 14))
-        ]
-
-    other = [
-        "$BASE=BASE_DATA[1]",
-        "$BASE={X 5,Y 0,Z 0,A 0,B 0,C 0}",
-        "sub()",
-        "; note",
-        "$VEL.CP=0.2",
-        "IF $IN[1] THEN",
-        "ENDIF",
-    ]
-    other += ["FOR i=1 TO 2", "ENDFOR", "PTP {A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}", "LIN {X 5}", "HALT"]
-
-    def body() -> list[str]:
-        return [line for _ in range(6) for line in (*run(), *([rng.choice(other)] if rng.random() < 0.5 else []))]
-
-    head = ["DEF m()", "INT i", "$TOOL={X 10,Y 20,Z 300,A 0,B 0,C 0}", "$BASE={X 500,Y 0,Z 300,A 0,B 0,C 0}"]
-    return "\n".join([*head, *body(), "END", "DEF sub()", *run(), "END", ""])
-
-
-def urscript(rng: Random) -> str:
-    def run() -> list[str]:
-        name, rest = rng.choice(["movel", "movej", "movep"]), rng.choice(["", ", a=1.2, v=0.3", ", 1.2, speed, r=0.01"])
-        return [
-            f"  {name}(p[{rng.uniform(-1, 1):.5f},{rng.uniform(-1, 1):.5f}, .5, {rng.uniform(-3, 3):.4f}, 0, 3.1]{rest})"
-            for _ in range(rng.randint(1, 14))
-        ]
-
-    other = [
-        "  set_tcp(p[0,0,0.1,0,0,0])",
-        "  speed = 0.5",
-        "  sub()",
-        "  # note",
-        "  sleep(1)",
-        "  force_mode(p[0,0,0,0,0,0])",
-    ]
-
-    def body() -> list[str]:
-        return [line for _ in range(5) for line in (*run(), *([rng.choice(other)] if rng.random() < 0.5 else []))]
-
-    again = ["  i = 0", "  while i < 2:", *run(), "    i = i + 1", "  end"] if rng.random() < 0.5 else []
-    return "\n".join(["def m():", *body(), *again, "end", "def sub():", *run(), "end", ""])
-
-
-def apt(rng: Random) -> str:
-    def run() -> list[str]:
-        angle = rng.uniform(-1, 1)
-        axis = rng.choice(["", f",0.0,{np.sin(angle):.6f},{np.cos(angle):.6f}"])
-        return [
-            f"GOTO / {rng.uniform(-90, 90):.4f}, {rng.uniform(-90, 90):.4f}, {rng.randint(-5, 5)}.{axis}"
-            for _ in range(rng.randint(1, 14))
-        ]
-
-    other = [
-        "FEDRAT/100,MMPM",
-        "RAPID",
-        "UNITS/INCHES",
-        "UNITS/MM",
-        "$$ note",
-        "SPINDL/ON",
-        "CYCLE/DRILL,5",
-        "CYCLE/OFF",
-    ]
-    other += [
-        "CIRCLE/0.0,0.0,0.0,0.0,0.0,1.0,5.0,0.01,0.5,5.0,0.0",
-        "TLAXIS/0.0,0.6,0.8",
-        "GODLTA/1.0,2.0,3.0",
-        "COPY/1,SAME,2",
-    ]
-    lines = [line for _ in range(8) for line in (*run(), *([rng.choice(other)] if rng.random() < 0.6 else []))]
-    return "\n".join(["PARTNO/m", "LOADTL/1", *lines, "FINI", ""])
+DATA = "tooldata {}:=[TRUE,[[10,20,300],[1,0,0,0]],[5,[0,0,100],[1,0,0,0],0,0,0]];"
+KINDS = {
+    "m.mod": Kind(
+        motion="Move{name} [[{u:.3f},{blank}{i},5.],[{q}],[{cf}],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,{zone},{tool}\\WObj:=wobj0;",
+        words={
+            "name": "JL", "zone": ["z1", "fine"], "tool": ["tGun", "tGun", "tSet", "tNone"], "blank": ["", " "],
+            "cf": ["0,-1,0,1", "0,0,0,0"], "q": ["1,0,0,0", "0,0.6,0.8,0", "0.5,0.5,0.5,0.5", "0.5,0.5,0.5,0.9"],
+        },
+        other=[
+            "FOR i FROM 1 TO 2 DO\nRUN\nENDFOR", "IF di1=1 THEN\nRUN\nELSE\nRUN\nENDIF", "other;", "Reset do1;", "! note", "lost",
+            "FOR i FROM 1 TO 2 DO\nIF di1=1 THEN\nRUN\nENDIF\nRUN\nENDFOR", "tSet.tframe.trans.z:=n;", "RETURN;",
+        ],
+        text=f"MODULE m\nPERS {DATA.format('tGun')}\nVAR {DATA.format('tSet')}\nVAR num n:=7;\nPROC main()\nBODY\nENDPROC\n"
+        "PROC other()\nBODY\nENDPROC\nENDMODULE\n",
+        runs=4, share=0.7,
+    ),
+    "m.src": Kind(
+        motion="  {name} {{X {a:.3f},Y {i},Z 5.5,A {a:.4f},B -1.0,C {c:.2f}{more}}}{end}",
+        words={
+            "name": ["LIN", "PTP", "SLIN"], "end": ["", " C_DIS", " C_PTP"], "more": ["", ",S 2,T 10", ",E1 0.0"],
+        },
+        other=[
+            "$BASE=BASE_DATA[1]", "$BASE={X 5,Y 0,Z 0,A 0,B 0,C 0}", "sub()", "; note", "$VEL.CP=0.2", "IF $IN[1] THEN", "ENDIF",
+            "FOR i=1 TO 2", "ENDFOR", "PTP {A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}", "LIN {X 5}", "HALT",
+        ],
+        text="DEF m()\nINT i\n$TOOL={X 10,Y 20,Z 300,A 0,B 0,C 0}\n$BASE={X 500,Y 0,Z 300,A 0,B 0,C 0}\nBODY\nEND\n"
+        "DEF sub()\nLINES\nEND\n",
+        runs=6, share=0.5,
+    ),
+    "m.script": Kind(
+        motion="  {name}(p[{v:.5f},{v:.4f}, .5, {c:.4f}, 0, 3.1]{rest})",
+        words={"name": ["movel", "movej", "movep"], "rest": ["", ", a=1.2, v=0.3", ", 1.2, speed, r=0.01"]},
+        other=[
+            "  set_tcp(p[0,0,0.1,0,0,0])", "  speed = 0.5", "  sub()", "  # note", "  sleep(1)", "  force_mode(p[0,0,0,0,0,0])",
+            "  i = 0\n  while i < 2:\nRUN\n    i = i + 1\n  end",
+        ],
+        text="def m():\nBODY\nend\ndef sub():\nLINES\nend\n", runs=5, share=0.5,
+    ),
+    "m.apt": Kind(
+        motion="GOTO / {a:.4f}, {u:.4f}, {i}.{axis}",
+        words={"axis": ["", ",0.0,0.6,0.8", ",0.0,-0.280000,0.960000", ",0.6,0.0,0.8", ",0.6,0.0,0.9"]},
+        other=[
+            "FEDRAT/100,MMPM", "RAPID", "UNITS/INCHES", "UNITS/MM", "$$ note", "SPINDL/ON", "CYCLE/DRILL,5", "CYCLE/OFF",
+            "CIRCLE/0.0,0.0,0.0,0.0,0.0,1.0,5.0,0.01,0.5,5.0,0.0", "TLAXIS/0.0,0.6,0.8", "GODLTA/1.0,2.0,3.0", "COPY/1,SAME,2",
+        ],
+        text="PARTNO/m\nLOADTL/1\nBODY\nFINI\n", runs=8, share=0.6,
+    ),
+}  # fmt: skip
 
 
 def said(program: Program) -> list[object]:
@@ -150,15 +118,14 @@ def said(program: Program) -> list[object]:
     return [*own, *map(str, program.diagnostics), program.base_from]
 
 
-@pytest.mark.parametrize("name", ["m.mod", "m.src", "m.script", "m.apt"])
+@pytest.mark.parametrize("name", KINDS)
 def test_folded_programs_are_what_all_lines_say(name: str, tmp_path: Path, monkeypatch):
-    written: dict[str, Callable[[Random], str]] = {"m.mod": rapid, "m.src": krl, "m.script": urscript, "m.apt": apt}
     monkeypatch.setattr(folded, "MIN_RUN", 4)
     monkeypatch.setattr(folded, "MIN_FOLDED", 1)
     language, path, times = language_of(Path(name)), tmp_path / name, 0
     around = Surroundings() if language.declares_frames else Surroundings(tool=TOOL)
     for seed in range(25):
-        path.write_text(written[name](Random(seed)), newline="\r\n" if seed % 2 else "\n")
+        path.write_text(KINDS[name].write(Random(seed)), newline="\r\n" if seed % 2 else "\n")
         sources = (read_source(path),)
         one, other = parse_program(sources, tool=around.tool), language.read(sources, around)
         times += isinstance(one, FoldedProgram)
