@@ -374,21 +374,23 @@ class FlowState:
     def _of_all(self, held: Sequence[Mapping[Any, Any]], why: str) -> dict[Any, Any]:
         """What is known of data after several ways."""
         found, (first, *others) = dict[Any, Any](), held
-        for key in dict.fromkeys(key for one in held for key in one):
-            value = first.get(key)
+        for key, value in first.items():
             for other in others:
                 if other.get(key) is not value:
-                    value = self.common([one.get(key) for one in held], why)
+                    values = [one.get(key) for one in held]
+                    known = None if any(one is None for one in values) else self.common(values, why)
                     break
-            if value is not None:
-                found[key] = value
+            else:
+                known = value
+            if known is not None:
+                found[key] = known
         return found
 
     def common(self, values: Sequence[Any], why: str) -> Any:
         """What is known of a datum after several ways; None for nothing.
 
         Args:
-            values: what is known of it after each; None for nothing.
+            values: what is known of it after each.
             why: as in `joined`.
         """
         first, *others = values
@@ -910,7 +912,7 @@ class FlowWalk(ABC, Generic[S, R]):
             before, state = state, self.turn(loop, state)
             if last or not state.reached:
                 return state
-            if not ends and state == before:
+            if state == before:  # so it is after each further turn
                 return self.unreached
         return self._some_turns(loop, state)
 

@@ -268,8 +268,8 @@ class Moment(flow.FlowState):
         return super().joined(others, why).having(armed=self.armed.union(*(other.armed for other in others)))
 
     def common(self, values: Sequence[Any], why: str) -> Any:
-        """What is known of a datum after several ways, with what is said behind its name where they differ; None for nothing."""
-        return None if any(value is None for value in values) else common(values, why.removeprefix("it "))
+        """What is known of a datum after several ways, with what is said behind its name where they differ."""
+        return common(values, why.removeprefix("it "))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -1017,7 +1017,7 @@ class Walker(flow.FlowWalk[Moment, Routine]):
             state = state.having(last=None, reached=True)
         if state.armed:
             lost, forgotten, moves = self.flow.disturbance(state.armed)
-            if not all(state.variables.get(key) is value for key, value in lost.items()):
+            if lost and not all(state.variables.get(key) is value for key, value in lost.items()):
                 state = state.holding(lost)
             state = state.forgotten(forgotten)
             state = self._moved(state, None) if moves else state

@@ -153,7 +153,7 @@ def plan(
         program: the program.
         wanted: what its motions are to become; asked again for each text that is written out of it.
         helper: puts a function around the targets of motions.
-        told: called before text is written out.
+        told: called when text was written out, before what becomes of it is planned again.
     """
     around = [] if helper is None else [helper(program, (), declared=False)]
     text = chosen = program if not around else around[0].program
@@ -163,12 +163,12 @@ def plan(
         sources, way, given = text.written_out(of_text), WRITTEN_OUT, None
         if sources is None:  # an array does not tell which motions go to a place above which others
             way, given = TABLED, tuple(text.visits())
-            sources = text.tabled(of_text)
-        if sources is None:
+        again = text.tabled(of_text) if sources is None else text.reread(sources)
+        if again is None:
             break
         ways.append(way)
         told()
-        text = text.reread(sources)
+        text = again
         found = _in_text(program, wanted(text), given)
         of_text = found.of_text
         if len(of_text) * len(best.wanted.program.motions) < len(best.of_text) * len(found.wanted.program.motions):

@@ -428,10 +428,10 @@ class Program(ABC):
         """
         return None
 
-    def tabled(self, numbers: Collection[int]) -> "tuple[Source, ...] | None":
-        """The program's files with targets of loops in arrays, an element for each turn; None where there is none.
+    def tabled(self, numbers: Collection[int]) -> "Program | None":
+        """The program with targets of loops in arrays, an element for each turn; None where there is none.
 
-        They do the same, without a longer loop.
+        It does the same, without a longer loop.
 
         Args:
             numbers: of motions that have text in common with others.

@@ -527,8 +527,8 @@ class SharingProgram(Program):
         ]  # fmt: skip
         return replace(copied, calls=tuple(own[len(own) == len(everywhere) :]))
 
-    def tabled(self, numbers: Collection[int]) -> tuple[Source, ...] | None:
-        """The program's files with targets of loops in arrays; see `Program.tabled`."""
+    def tabled(self, numbers: Collection[int]) -> Program | None:
+        """The program with targets of loops in arrays; see `Program.tabled`."""
         if not self.TABLE:
             return None
         own, fresh = defaultdict[Text, list[int]](list), self.fresh_names()
@@ -547,4 +547,5 @@ class SharingProgram(Program):
             for source, (_, *place), text in self.listed(of_table[table], fresh.nearest(self.TABLE), table):
                 named[source.path][place[0], place[1]] += text
         sources = with_texts(self.sources, named, fresh) if named else None
-        return sources if sources and same_motions(self.motions, self.reread(sources).motions) else None
+        again = self.reread(sources) if sources else None
+        return again if again is not None and same_motions(self.motions, again.motions) else None

@@ -239,7 +239,7 @@ class Structure:
             value = before.with_part(inner, value, grows=grows)
         elif name not in self.parts and self.rest is None and not grows:
             raise Unresolved(f"it has no part {name}")
-        found = replace(self, parts={**self.parts, name: value}, origin=None)
+        found = Structure(kind=self.kind, parts={**self.parts, name: value}, rest=self.rest)
         before, after = (
             one if isinstance(one, Structure) else None for one in (self.parts.get(name, self.rest), value)
         )
@@ -299,9 +299,13 @@ def common(values: Sequence[Any], why: str) -> Any:
         why: why what differs is not known.
     """
     first, *others = values
-    if all(other is first or (type(other) is type(first) and other == first) for other in others):
+    for other in others:
+        if other is not first and (type(other) is not type(first) or other != first):
+            break
+    else:
         return first
-    if len({_plain_type(v) for v in values}) == 1 and all(plain(v) == plain(first) for v in values):
+    alike = not isinstance(first, Structure) and len({_plain_type(v) for v in values}) == 1
+    if alike and all(plain(v) == plain(first) for v in values):
         settable = next(
             (v for v in values if isinstance(v, Settable | ByHand)), None
         )  # some of them in the controller's memory

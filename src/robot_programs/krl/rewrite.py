@@ -154,7 +154,20 @@ class KrlProgram(SharingProgram):
                 yield from points
             else:
                 for use, waypoint in zip(points, points_of(len(points), path[-1]), strict=True):
-                    yield use if waypoint is None else _moved(use, robot, waypoint)
+                    yield use if waypoint is None else self._moved(use, robot, waypoint)
+
+    @cached_property
+    def _moves(self) -> dict[tuple[Use[PointNumbers], Robot, Waypoint], Use[PointNumbers]]:
+        return {}
+
+    def _moved(self, use: Use[PointNumbers], robot: Robot, waypoint: Waypoint) -> Use[PointNumbers]:
+        """A point with what is to become of it: made once where it is asked for again and again, as others share its text."""
+        if use.motion not in self._sharing:
+            return _moved(use, robot, waypoint)
+        key = use, robot, waypoint
+        if key not in self._moves:
+            self._moves[key] = _moved(use, robot, waypoint)
+        return self._moves[key]
 
     @property
     def texts(self) -> Sequence[Source]:

@@ -4,6 +4,7 @@ Integrators, describes them (program flow control: FOR, WHILE, REPEAT, LOOP, EXI
 import numpy as np
 import pytest
 
+from robot_programs.core.flow import FlowWalk
 from robot_programs.core.program import Waypoint
 from tests.robot_programs.krl.samples import FRAMES, POSE, ROBOT, Q, read, texts
 
@@ -90,6 +91,17 @@ def test_blocks_that_do_not_match_are_named():
     program = read(f"{FRAMES}IF $IN[1] THEN\nLIN {POSE}\nENDFOR\nLIN {POSE}")
     assert any("part.src:6: ENDFOR does not match the blocks of PART" in text for text in texts(program))
     assert not program.motions
+
+
+@pytest.mark.parametrize(
+    "lines", [f"LOOP\nLIN {POSE}\nENDLOOP", f"REPEAT\nLIN {POSE}\nUNTIL FALSE", f"WHILE I<2\nLIN {POSE}\nENDWHILE"]
+)
+def test_turns_that_leave_all_as_it_was_are_not_taken_again(monkeypatch, lines):
+    """A loop that never ends is gone through a few times."""
+    taken, turn = [], FlowWalk.turn
+    monkeypatch.setattr(FlowWalk, "turn", lambda self, *given: taken.append(given) or turn(self, *given))
+    assert len(read(f"{DECLARED}{FRAMES}I=1\n{lines}").motions) == 1
+    assert len(taken) < 9
 
 
 def test_unreached_motions_are_read_with_their_own_settings():

@@ -132,13 +132,13 @@ def test_targets_of_a_long_loop_stand_in_an_array(turns, listed, monkeypatch):
     program = read(f"{head}{row}{long}ENDFOR\nENDFOR", **data)
     numbers = range(len(program.motions))
     assert program.written_out(numbers) is None
-    sources = program.tabled(numbers)
-    assert ["DECL E6POS TASKCAL_TARGETS[" in one.text for one in sources[:2]] == [not listed, listed]
+    found = program.tabled(numbers)
+    assert ["DECL E6POS TASKCAL_TARGETS[" in one.text for one in found.sources[:2]] == [not listed, listed]
     expected = ends(
         "".join(line.format(60 * i, -50 * j) for j in (0, 1) for i in range(3) for line in (BOX, AT)), **data
     )
-    assert places(program.reread(sources)) == expected
-    assert set(long.split("\n")) <= set(sources[0].text.split("\r\n"))
+    assert places(found) == expected
+    assert set(long.split("\n")) <= set(found.sources[0].text.split("\r\n"))
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_loop_that_is_left_at_a_known_turn_has_an_array():
     turn = "LIN XP1:{X I*30,Y 0,Z 0,A 0,B 0,C 0}\nH=H+1\nIF H>=5 THEN\nGOTO READY\nENDIF"
     program = read(f"DECL INT I,H\n{FRAMES}H=0\nFOR I=1 TO 9\n{turn}\nENDFOR\nREADY:", dat=POINT)
     assert program.written_out(range(5)) is None
-    sources = program.tabled(range(5))
-    assert "TASKCAL_TARGETS[5]" in sources[1].text
-    assert places(program) == places(program.reread(sources))
+    found = program.tabled(range(5))
+    assert "TASKCAL_TARGETS[5]" in found.sources[1].text
+    assert places(program) == places(found)
     assert len(program.motions) == 5
