@@ -55,6 +55,8 @@ from robot_programs.krl.data import (
 from robot_programs.krl.syntax import (
     BLOCKS,
     LOOPS,
+    OTHER_MOTIONS,
+    POINT_MOTIONS,
     SPLINES,
     Assignment,
     Beside,
@@ -412,12 +414,25 @@ class RoutineScope:
         return replace(found, named=names)
 
     def rest(self, line: KrlLine, *others: KrlLine) -> Block:
-        """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise."""
+        """Calls of lines that expressions do not make, since they are not understood, or are of no consequence otherwise.
+
+        What stands behind an unknown word may be changed by it.
+        """
         called = (name for one in (line, *others) for name in calls_of(one))
         names = [name for name in called if name in self.found.names.routines and name not in self.called]
         routines = tuple(one for name in dict.fromkeys(names) for one in self.found.routine(name))
         self.called.clear()
-        return (flow.FlowStep(line=Do(at=self.at(line), routines=routines, sure=False)),) if routines else ()
+        at, changes = self.at(line), tuple[Ref, ...]()
+        if isinstance(line, MotionLine) and line.keyword not in (*POINT_MOTIONS, *OTHER_MOTIONS):
+            changes = tuple(ref for operand in line.operands for ref in self.named(operand.words, at))
+        if not routines and not changes:
+            return ()
+        return (
+            flow.FlowStep(line=Do(at=at, routines=routines, sure=False, changes=changes, why=self._changed_at(line))),
+        )
+
+    def _changed_at(self, line: KrlLine) -> str:
+        return f"is changed by the program, at {self.section.file.source.place(line.start)}"
 
     def part(self, one: Field, value: Expression) -> Expression:
         """A component of a structure as it is written."""
@@ -550,8 +565,7 @@ class RoutineScope:
         text = f"{name} is not in the files given; it is taken to leave $TOOL, $BASE and $IPO_MODE as they are"
         self.found.say(self.section.file, line.start, Cause(text, (name, "other")))
         changes = tuple(ref for words in line.arguments for ref in self.named(words, at))
-        why = f"is changed by the program, at {self.section.file.source.place(line.start)}"
-        return Do(at=at, arguments=arguments, changes=changes, why=why, moves=True)
+        return Do(at=at, arguments=arguments, changes=changes, why=self._changed_at(line), moves=True)
 
     def sets(self) -> Block:
         """What lines set, whenever they may run."""

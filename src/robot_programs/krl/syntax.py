@@ -400,6 +400,8 @@ _VERBS = {"ON": "ON", "ENABLE": "ON", "OFF": "OFF", "DISABLE": "OFF"}
 _OPERATORS = {"AND", "OR", "EXOR", "NOT", "B_AND", "B_OR", "B_EXOR", "B_NOT"}
 _BY_VALUE = {"ABS", "SQRT", "SIN", "COS", "TAN", "ACOS", "ATAN2", "INV_POS", "VARSTATE", "EK", "LK", "EB"}
 """Functions of the controller, which change nothing that they are given."""
+_TYPES = {"INT", "REAL", "BOOL", "CHAR", "FRAME", "POS", "E3POS", "E6POS", "AXIS", "E3AXIS", "E6AXIS"}
+"""Types that need no DECL before them (KUKA System Software, declaration of variables)."""
 _ENDS = {"END", "ENDFCT", "ENDDAT"}
 _BEGINS = {"DEF", "DEFFCT", "DEFDAT"}
 
@@ -422,9 +424,9 @@ def parse(text: str, read: set[str] | None = None) -> list[KrlLine]:
 
 def _statement(words: list[Token]) -> KrlLine:
     span = {"start": words[0].start, "end": words[-1].end}
-    shared = False
+    shared = declares = False
     while len(words) > 1 and words[0].upper in {"GLOBAL", "DECL", "CONST"}:
-        shared = shared or words[0].upper == "GLOBAL"
+        shared, declares = shared or words[0].upper == "GLOBAL", True
         words = words[1:]
     first = words[0]
     keyword = first.upper
@@ -449,8 +451,10 @@ def _statement(words: list[Token]) -> KrlLine:
         return Control(**span, keyword=keyword, words=tuple(words[1:]))
     if len(words) == 2 and words[1].text == ":":
         return Control(**span, keyword="LABEL", words=(first,))
-    if len(words) > 1 and words[1].kind == "name":
+    if len(words) > 1 and words[1].kind == "name" and (declares or keyword in _TYPES):
         return _declaration(words, shared)
+    if len(words) > 1 and words[1].kind != "symbol":
+        return _motion(words)
     if len(words) > 1 and words[1].text == "(":
         return Call(**span, name=keyword, arguments=arguments_of(words[1:]))
     return _assignment(words)
@@ -544,7 +548,7 @@ def _motion(words: list[Token]) -> MotionLine:
     cursor = Words(words)
     cursor.take()
     operands, passing = [_operand(cursor)], list[str]()
-    instead = "SPL to a complete point" if keyword in OTHER_MOTIONS else "PTP, LIN or CIRC"
+    instead = "SPL to a complete point" if keyword in OTHER_MOTIONS else "PTP, LIN or CIRC, or DECL before a type"
     trouble = "" if keyword in POINT_MOTIONS else f"{keyword} is not read; write {instead}"
     arc, along, angle = keyword.removesuffix("_REL").endswith("CIRC"), "", tuple[Token, ...]()
     while cursor.accept(","):

@@ -110,6 +110,8 @@ def test_an_arc_has_two_points(angle, words):
         ("SCIRC_REL {X 10}", "SCIRC_REL is given 1 points"),
         ("SPL_REL {X 10}", "SPL_REL is not read; write SPL to a complete point"),
         ("LINX {X 10}", "LINX is not read; write PTP, LIN or CIRC"),
+        ("LINX XP1", "LINX is not read; write PTP, LIN or CIRC, or DECL before a type"),
+        ("LINX 5", "LINX is not read; write PTP, LIN or CIRC"),
         ("LIN {X 10} #TOOL", "'#TOOL' is not understood"),
         ("LIN XP1,XP2", "LIN is given 2 points"),
         ("CIRC XP1", "CIRC is given 1 points"),

@@ -78,6 +78,15 @@ def test_values_of_the_run_time_are_no_constants(body, reason):
     assert any(reason in text for text in texts(program))
 
 
+@pytest.mark.parametrize("line", ["MOVES XP1", "MOVES P,XP1[1]", f"MOVES XP1={SHIFTED}"])
+def test_what_stands_behind_an_unknown_word_is_not_declared_but_may_be_changed(line):
+    program = read(f"{DECLARED}{FRAMES}{line}\nLIN XP1\nLIN Q[1]", dat=POINTS)
+    assert len(program.motions) == 1
+    unknown, changed = texts(program)
+    assert "MOVES is not read" in unknown
+    assert f"XP1 is changed by the program, at {unknown.partition(': ')[0]}" in changed
+
+
 def test_lines_outside_of_any_routine_count_as_run_at_any_time():
     """Their head may be what is damaged."""
     line = f"BAS(#TOOL,1)\n$BASE=$NULLFRAME\nLIN {POSE}"
