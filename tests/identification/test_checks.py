@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import taskcal
+from taskcal.campaigns.campaign import Campaign
 from taskcal.errors import FitError, TaskcalError
 from taskcal.identification.checks import checks
 from taskcal.identification.effects import explain
@@ -228,6 +229,22 @@ def test_an_uncertainty_far_beyond_the_residuals_is_named_with_what_it_would_be(
     assert "column u_mm states an uncertainty of 15 mm" in said
     assert "15 µm are 0.015 mm" in said
     assert "u_mm" not in remarks(4e-5)
+
+
+@pytest.mark.parametrize("name", HEALTHY_ROBOTS)
+def test_rows_that_were_copied_are_counted_and_shots_are_not(name):
+    """In any order, whatever their ids; repeated shots differ by the noise, and rows without a point are no copies."""
+    rng, model = np.random.default_rng(2), ErrorModel(load_robot(name))
+    sound = simulate(model, virtual(name, 1).q, rng=rng, lost=0.1)[0]
+    n = len(sound)
+    twice = rng.permutation(np.r_[np.arange(n), np.arange(5)])
+    ids = tuple(map(str, range(n + 5)))
+    copied = Campaign(ids=ids, q=sound.q[twice], targets=sound.targets, points=sound.points[twice])
+    seen = int(sound.valid[:5].sum())
+    assert any(f"{seen} of {n + 5} rows have the joint values" in one for one in identify(model, copied).remarks)
+    shots = replace(copied, points=copied.points + rng.normal(scale=1e-6, size=copied.points.shape))
+    for healthy in (sound, shots):
+        assert not any("have the joint values" in one for one in identify(model, healthy).remarks)
 
 
 SAFEGUARDS = [one for one in vars(checks).values() if isinstance(one, checks.Safeguard)]

@@ -43,7 +43,6 @@ from taskcal.registration.plausibility import check_plausible
 from taskcal.registration.registration import PLAUSIBLE_SHARE, register
 from taskcal.robot.error_model import ErrorModel
 from taskcal.short_repr import short_repr
-from taskcal_groundwork.said import Said
 
 
 @checked
@@ -138,17 +137,11 @@ def _fitted_remarks(calibration: Calibration, campaign: Campaign) -> tuple[str, 
     fitted = fitted_rows(calibration, campaign)
     if not fitted.any():
         return ()
-    names = name_rows(
-        *zip(*((campaign.row_of(row), campaign.ids[row]) for row in np.flatnonzero(fitted).tolist()), strict=True)
-    )
+    named = listed((campaign.row(int(row)) for row in np.flatnonzero(fitted)), MAX_FITTED)
     return (
-        Said(
-            "{count} of {all} rows are those that the calibration was fitted to ({rows}): their errors are residuals of the "
-            "fit, which underestimate those of other poses, and count in no decision; judge it by rows that were not fitted",
-            count=int(fitted.sum()),
-            all=len(campaign),
-            rows=listed(names, MAX_FITTED),
-        ),
+        f"{fitted.sum()} of {len(campaign)} rows are those that the calibration was fitted to ({named}): their errors are "
+        "residuals of the fit, which underestimate those of other poses, and count in no decision; judge it by rows that were not "
+        "fitted",
     )
 
 
@@ -179,12 +172,8 @@ def _refitted_remarks(stored: Calibration, calibration: Calibration, campaign: C
     if calibration is stored or kept >= ENOUGH_KEPT:
         return ()
     return (
-        Said(
-            "tracker frame and targets were found from these {count} rows themselves, which leaves about {factor} of the errors "
-            "that predicted rows have: measure more rows",
-            count=len(campaign),
-            factor=f"{np.sqrt(kept):.2f}",
-        ),
+        f"tracker frame and targets were found from these {len(campaign)} rows themselves, which leaves about "
+        f"{np.sqrt(kept):.2f} of the errors that predicted rows have: measure more rows",
     )
 
 

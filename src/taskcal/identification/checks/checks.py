@@ -853,6 +853,26 @@ def few_digits(fit: Fit) -> Iterator[Values]:
         yield {**found.values, "of": Said("joints") if found.of == "joints" else Said("points")}
 
 
+@safeguard(
+    "remarks",
+    "{count} of {all} rows have the joint values and the points of others, to the last digit ({rows}): one reading was written "
+    "several times, and counts as often, so that the stated uncertainty is too small:",
+    "leave these rows out, or give all of one pose one id, so that they are averaged",
+)
+def copied_rows(fit: Fit) -> Iterator[Values]:
+    campaign = fit.campaign
+    seen = campaign.valid.any(axis=1)
+    if not campaign.tracked or not seen.any():
+        return
+    numbers = np.concatenate([campaign.q, np.nan_to_num(campaign.points).reshape(len(campaign), -1)], axis=1)[seen]
+    _, first, which = np.unique(numbers, axis=0, return_index=True, return_inverse=True)
+    rows = np.flatnonzero(seen)
+    copies = rows[rows != rows[first[which.ravel()]]].tolist()
+    if copies:
+        named = listed((campaign.row(row) for row in copies), MAX_NAMED_ROWS)
+        yield {"count": len(copies), "all": len(campaign), "rows": named}
+
+
 MAX_OVERSTATED = 5.0
 """Ratio, at least, of a stated uncertainty to what the fit leaves, from which on it is called wrong: instruments state two or three
 times theirs at most (k = 2, 3), and by chance the residuals of eight rows are a fifth of it in one of 10⁹."""
@@ -919,5 +939,6 @@ OF_GEOMETRY = (
     other_board,
     wrong_rotations,
     few_digits,
+    copied_rows,
 )
 """Said before all others of a fit that is kept."""
