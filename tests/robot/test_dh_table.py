@@ -83,6 +83,12 @@ def test_a_table_of_a_scara_states_limits_of_turning_joints(tmp_path, unit):
         read_dh_table(write(path, lines, header), "dh")
 
 
+def test_joints_with_numbers_of_their_own_stand_in_any_order(tmp_path):
+    lines = ["E7,prismatic,0,0,670,0", "A1,revolute,90,0,9,0", "A2,revolute,0,99,0,0"]
+    robot = read_dh_table(write(tmp_path / "arm.csv", lines, HEADER.replace("joint", "joint,type", 1)), "dh")
+    assert robot.joint_names == ("E7", "A1", "A2")
+
+
 def test_an_imported_table_is_a_robot_file(tmp_path):
     lines = ["1,-90,100,670,0", "2,0,312.5,0,-90"]
     table = write(tmp_path / "arm.csv", lines)
@@ -108,6 +114,16 @@ WRONG = {
     "empty cell": (HEADER, ["1,0,,0,0"], r"arm\.csv:2: column 'a_mm': the cell is empty"),
     "one limit only": (HEADER + ",lower_deg", ["1,0,0,0,0,-10"], r"arm\.csv:1: gives one limit only"),
     "joint twice": (HEADER, ["1,0,0,0,0", "1,0,0,0,0"], r"arm\.csv: .*two joints are named 'J1'"),
+    "flange first": (
+        HEADER,
+        ["2,0,0,9,0", "1,0,99,99,0"],
+        r"arm\.csv:3: column 'joint': 'J1' stands below 'J2': the rows are",
+    ),
+    "other order": (
+        HEADER,
+        ["A1,0,0,9,0", "A3,0,9,99,0", "A2,0,99,9,0"],
+        r"arm\.csv:4: column 'joint': 'A2' stands below 'A3'",
+    ),
     "unknown joint": (HEADER + ",theta_from_controller", ["1,0,0,0,0,J1+J2"], r"arm\.csv: .*no joint 'J2'"),
     "unknown type": (HEADER + ",type", ["1,0,0,0,0,helical"], r"arm\.csv: joint 1, type: .*helical"),
 }

@@ -525,6 +525,7 @@ def describe_dh_table(
         if np.isfinite(limits[i]).any():
             joint["limits_deg"] = _limits(columns, limits, i, slides=joint.get("type") == "prismatic")
         joints.append(joint)
+    _refuse_other_order(columns, [str(joint["name"]) for joint in joints])
     path = columns.path
     source = [f"imported from {printable(path.name)}", *told]
     described = {"name": name or printable(path.stem), "source": source, "joint": joints}
@@ -537,6 +538,26 @@ def describe_dh_table(
     except TaskcalError as error:
         raise FileError(path, str(error)) from error
     return described
+
+
+def _refuse_other_order(columns: Table, names: Sequence[str]) -> None:
+    """See that joints that are numbered stand in the order of their numbers: the rows are the chain from base to flange.
+
+    Raises:
+        FileError: one has a smaller number than the one above.
+    """
+    parted = [re.fullmatch(r"(.*?)(\d+)", name) for name in names]
+    numbered = [(one[1], int(one[2])) for one in parted if one is not None]
+    if len(numbered) < len(names) or len({letters for letters, _ in numbered}) > 1:
+        return
+    for row, ((_, above), (_, number)) in enumerate(itertools.pairwise(numbered), start=1):
+        if number < above:
+            raise columns.error(
+                f"'{shown(names[row], 40)}' stands below '{shown(names[row - 1], 40)}': the rows are the chain of joints from "
+                "base to flange; put them in this order, or name the joints without numbers if they stand so in the chain",
+                row,
+                "joint",
+            )
 
 
 def _refuse_more_of_fixed(
