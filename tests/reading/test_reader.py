@@ -177,6 +177,33 @@ def test_approach_is_read_or_taken_from_the_row_order(tmp_path):
     np.testing.assert_array_equal(moved.approach, np.tile([-1, 1, 0], (3, 1)))
 
 
+@pytest.mark.parametrize("ids", ["numbers", "names"])
+def test_rows_in_any_order_are_reached_in_that_of_their_times(tmp_path, ids):
+    """Where two are the same, a way is that of the rows as they stand, or not known."""
+    rng = np.random.default_rng(0)
+    q = rng.integers(-45, 45, (12, 3))
+    names = [str(k) if ids == "numbers" else "abcdefghijkl"[k] for k in range(12)]
+    rows = [f"{names[k]},{a},{b},{100 + c},1,2,{k + 3}" for k, (a, b, c) in enumerate(q)]
+    plain = read_campaign(write(tmp_path, rows=rows), ROBOT)
+    for order in (np.arange(12), np.arange(12)[::-1], rng.permutation(12)):
+        timed = [f"{rows[k]},{60 * k}" for k in order]
+        found = read_campaign(write(tmp_path, f"{HEADER},time_s", timed), ROBOT)
+        np.testing.assert_array_equal(found.approach, plain.approach[order])
+        np.testing.assert_array_equal(found.move, plain.move[order])
+        assert any("order of their times" in note for note in found.notes) == (order[0] > 0)
+        same = read_campaign(write(tmp_path, f"{HEADER},time_s", [f"{rows[k]},{60 * (k // 2)}" for k in order]), ROBOT)
+        untimed = read_campaign(write(tmp_path, rows=[rows[k] for k in order]), ROBOT)
+        assert ((same.approach == untimed.approach) | (same.approach == 0.0)).all()
+
+
+def test_behind_a_clock_that_begins_anew_nothing_is_known_of_a_way(tmp_path):
+    rows = [f"r{k},{10 * k},{5 * k},{20 * k},1,2,{k + 3},{60 * (k % 4)}" for k in range(8)]
+    found = read_campaign(write(tmp_path, f"{HEADER},time_s", rows), ROBOT)
+    known = np.array([0, 1, 1, 1, 0, 1, 1, 1], dtype=float)
+    np.testing.assert_array_equal(found.approach, np.repeat(known[:, None], 3, axis=1))
+    assert found.notes == ()
+
+
 @pytest.mark.parametrize(
     ("ids", "known"),
     [

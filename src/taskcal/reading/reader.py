@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from taskcal.arguments import checked
 from taskcal.campaigns.campaign import MOVED, Campaign, with_distances, with_unknown_scale
@@ -398,7 +398,7 @@ def campaign_of(
         ),
         source=readings.names,
         lines=readings.lines,
-        notes=readings.notes,
+        notes=(*readings.notes, *_order_notes(readings)),
     )
     if targets is None:
         _refuse_controllers(readings, robot, campaign)
@@ -551,13 +551,49 @@ _COUNT = re.compile(r"[0-9]{1,15}")
 
 
 def recorded_conditions(readings: Readings, robot: Robot, q: np.ndarray) -> Conditions:
-    """Approach and move of each row, from columns or else from the order of the rows."""
+    """Approach and move of each row, from columns or else from the order in which the rows were measured."""
     if readings.approach is None and readings.move is None:
-        return conditions_in_order(robot, q, _follows(readings.ids))
+        order, begins = _measured_order(readings.time, len(q))
+        ids = None if readings.ids is None else tuple(readings.ids[row] for row in order)
+        follows = _follows(ids)
+        follows = ~begins if follows is None else follows & ~begins
+        reached, back = conditions_in_order(robot, q[order], follows), np.argsort(order)
+        return Conditions(**{name: getattr(reached, name)[back] for name in ("approach", "move")})
     approach = readings.approach
     if approach is None and readings.move is not None:
         approach = np.sign(readings.move)
     return Conditions(approach=approach, move=readings.move)
+
+
+def _order_notes(readings: Readings) -> tuple[str, ...]:
+    """Say that the rows were measured in another order than they stand in."""
+    order, begins = _measured_order(readings.time, len(readings))
+    sorted_, unknown = (np.diff(order) == 1).all(), begins.all() and len(begins) > 1
+    if readings.approach is not None or readings.move is not None or (sorted_ and not unknown):
+        return ()
+    taken = "is not known, as some times are the same" if unknown else "is taken from the order of the times"
+    return (f"the rows do not stand in the order of their times: from which side each joint came {taken}",)
+
+
+MAX_SESSIONS = 4
+"""Times at most that a clock begins anew in a campaign; rows whose times fall more often stand in another order than measured."""
+
+
+def _measured_order(
+    time: Float[np.ndarray, " n"] | None, rows: int
+) -> tuple[Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Rows in the order in which they were measured, and which of them begin a session, before which nothing is known.
+
+    It is that of the file, unless all rows have times that fall too often for a clock that begins anew. Where two of these are
+    the same nothing is known.
+    """
+    order, begins = np.arange(rows), np.arange(rows) == 0
+    if time is None or not np.isfinite(time).all():
+        return order, begins
+    falls = np.diff(time) < 0.0
+    if falls.sum() <= min(MAX_SESSIONS, (rows - 1) // 2):
+        return order, np.concatenate([begins[:1], falls])
+    return (np.argsort(time), begins) if len(np.unique(time)) == rows else (order, np.ones(rows, dtype=bool))
 
 
 def _follows(ids: tuple[str, ...] | None) -> Bool[np.ndarray, " n"] | None:
