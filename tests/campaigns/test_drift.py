@@ -96,6 +96,17 @@ def test_reference_points_that_stand_still_change_nothing():
     assert sum(followed) <= 1
 
 
+def test_a_reference_point_that_the_robot_carries_is_not_called_still():
+    """Its motion is no noise, and no drift that could be followed."""
+    _, _, still = measured(0)
+    carried = compensate_drift(replace(still, reference_points={"base1": still.points[:, 0]}))
+    assert not carried.followed
+    (remark,) = carried.remarks
+    assert "(base1) scatter by" in remark
+    assert "--reference-points" in remark
+    np.testing.assert_array_equal(carried.campaign.points, still.points)
+
+
 def test_following_twice_is_following_once():
     found = compensate_drift(measured(2)[1])
     again = compensate_drift(found.campaign)

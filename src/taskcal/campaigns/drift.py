@@ -255,6 +255,9 @@ class _Walk:
 SIGNIFICANCE = 0.01
 """Chance of following reference points that stand still."""
 
+MAX_NOISE_M = 5e-3
+"""Scatter of a point that stands still, metres: a base yields by less from row to row, and no instrument has as much noise."""
+
 MIN_DRIFT_ROWS = 5
 """Rows that have to tell a motion."""
 
@@ -317,7 +320,13 @@ def compensate_drift(campaign: Campaign, noise: TrackerNoise | None = None) -> D
     if probability > SIGNIFICANCE:
         remarks += (
             Said(
-                "the reference points moved no more than their noise ({noise:.4f} mm) and were not followed",
+                "the reference points ({names}) scatter by {scatter:.1f} mm, as none does that stands still, and were not "
+                "followed: name a target on the tool otherwise than base…, or choose the points (--reference-points), and look for "
+                "rows in which another one was measured"
+                if deviation > MAX_NOISE_M
+                else "the reference points moved no more than their noise ({noise:.4f} mm) and were not followed",
+                names=", ".join(campaign.reference_points),
+                scatter=deviation * 1e3,
                 noise=deviation * 1e3,
             ),
         )
