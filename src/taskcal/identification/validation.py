@@ -114,9 +114,10 @@ def fitted_rows(calibration: Calibration, campaign: Campaign) -> Bool[np.ndarray
     shared = [name for name in campaign.targets if name in calibration.targets]
     if not shared or len(calibration.q) == 0:
         return out
-    near = KDTree(campaign.q).query_ball_tree(KDTree(calibration.q), SAME_JOINTS)
-    rows = np.flatnonzero([len(one) > 0 for one in near])
-    if not len(rows):
+    tree = KDTree(calibration.q)
+    distance, nearest = map(np.asarray, tree.query(campaign.q))
+    at = distance <= SAME_JOINTS
+    if not at.any():
         return out
     known = as_known(calibration, campaign.of_targets(shared))
     found, stored = residuals_on(calibration, known), calibration.residuals[:, calibration.rows_of(shared)]
@@ -125,10 +126,17 @@ def fitted_rows(calibration: Calibration, campaign: Campaign) -> Bool[np.ndarray
     if campaign.stations is not None or len(calibration.stations) > 1:
         found, stored = (np.linalg.norm(one[..., :3], axis=2, keepdims=True) for one in (found, stored))
         within = SAME_LENGTH
-    for row in rows:
-        off = np.abs(stored[near[row]] - found[row])
+
+    def same(rows: Int[np.ndarray, " k"], fitted: Int[np.ndarray, " k"]) -> Bool[np.ndarray, " k"]:
+        off = np.abs(stored[fitted] - found[rows])
         seen = np.isfinite(off)
-        out[row] = bool((seen.any(axis=(1, 2)) & (off <= within).all(axis=(1, 2), where=seen)).any())
+        return np.asarray(seen.any(axis=(1, 2)) & (off <= within).all(axis=(1, 2), where=seen))
+
+    rows = np.flatnonzero(at)
+    out[rows] = same(rows, nearest[rows])
+    for row in rows[~out[rows]]:  # of a pose that was measured several times each
+        near = np.array(tree.query_ball_point(campaign.q[row], SAME_JOINTS))
+        out[row] = bool(same(np.full(len(near), row), near).any())
     return out
 
 
