@@ -182,7 +182,7 @@ def tabulate_influences(procedure: Procedure, limit: int | None = None) -> TextT
         "Largest influence on the TCP (µm)" + ("" if limit is None else f": the {limit} strongest parameters"),
         columns,
         order,
-        note="What a geometric error of one tolerance (1σ) does along the robot's base axes and in space, over the poses measured "
+        note="What a geometric error of one tolerance (1σ) does along the robot's base axes and in 3D, over the poses measured "
         f"in {' and in '.join(sets)}.",
         folded=limit is None,
     )
@@ -284,7 +284,7 @@ def tabulate_registration(procedure: Procedure) -> TextTable:
         ),
         note=f"Circles: {len(procedure.sweeps)} more poses in which one motor turns at a time, as in the publication's figure 6; "
         "what they give is held in the fit. How far the base is from where it truly is says little: J1 and the base "
-        "cannot be told apart, and the first may stand for the second. Mean residual, and mean error on new poses, in space.",
+        "cannot be told apart, and the first may stand for the second. Mean residual, and mean error on new poses, 3D.",
     )
 
 
@@ -303,7 +303,7 @@ def tabulate_residuals(procedure: Procedure) -> TextTable:
         "Residuals on the measured poses (µm)",
         columns,
         {**fitted, "real robot, as published": [("published 33", 33, None, *PUBLISHED_RESIDUALS)]},
-        note="Measured less predicted: mean and largest in space, largest on each axis of the robot's base. “fitted” "
+        note="Measured less predicted: mean and largest 3D error, largest on each axis of the robot's base. “fitted” "
         "counts the model's parameters; tracker frame and target are fitted with them, but where circles are held. “Lengths” is "
         "the publication's first model: the nominal lengths alone.",
     )
@@ -324,7 +324,7 @@ def tabulate_held_out(procedure: Procedure) -> TextTable:
         "Errors on new poses (µm)",
         columns,
         _fits_of(procedure),
-        note="True less predicted TCP in the tracker frame, in space. Inside: new poses in the workspace and the "
+        note="True less predicted TCP in the tracker frame, 3D. Inside: new poses in the workspace and the "
         "orientations that were measured. Outside: the same workspace with the tool tilted by up to 40° from the "
         "single orientation, and turned by up to 40° about its axis.",
     )

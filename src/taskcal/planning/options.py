@@ -171,8 +171,8 @@ class PlannedPoses:
         int | None,
         Option(
             metavar="N",
-            help="Poses of the task that chance chooses, beside the others, to judge by; and every tenth is the first one again. "
-            "For taskcal measure --program, which needs 6 or more to prove a tolerance.",
+            help="Random poses of the task in addition, which judge the calibration and are not fitted; every tenth pose "
+            "repeats the first. For taskcal measure --program, which needs 6 or more to prove a tolerance.",
             low=1,
         ),
     ] = None

@@ -281,7 +281,7 @@ def held_out_section(calibration: Calibration) -> Section:
         )
         return Section(Said("Held-out error"), advice)
     summaries = {NOMINAL: held_out.nominal_validation.summary(), CALIBRATED: held_out.validation.summary()}
-    note = Said("The figure to quote. Any x, y and z are the axes of the robot's base.")
+    note = Said("The figure to quote. x, y and z are the axes of the robot's base.")
     return Section(
         Said("Held-out error"),
         Said("{said}.", said=describe_held_out(held_out)),
@@ -831,7 +831,7 @@ def residuals_section(calibration: Calibration, errors: MeasuredErrors | None) -
         ),
     )
     note = Said(
-        "Fit residuals underestimate the error; quote the held-out error. Any x, y and z are the axes of the robot's base."
+        "Fit residuals underestimate the error; quote the held-out error. x, y and z are the axes of the robot's base."
     )
     summaries = residuals_by_target(calibration)
     blocks.append(tabulate_errors(summaries, Said("Residuals of the fitted rows"), of=Said("target"), note=note))

@@ -106,8 +106,8 @@ def tabulate_outliers_of_fleet(fleet: Fleet) -> TextTable:
 def describe_level(fleet: Fleet) -> str:
     """State the probability of a false alarm."""
     return (
-        f"a robot is called changed if p < {fleet.level:.2g}: 1 % in all of {len(fleet.changes)} comparisons; an outlier if p < 1 "
-        "% anywhere in a fleet of equal robots"
+        f"a robot is reported as changed if p < {fleet.level:.2g}, 1 % divided by the number of comparisons "
+        f"({len(fleet.changes)}); as an outlier at a level of one false alarm in a hundred fleets of equal robots"
     )
 
 

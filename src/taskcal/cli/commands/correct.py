@@ -105,7 +105,7 @@ class CellOptions:
     controller_kinematics: Path | None = option(
         None,
         "FILE",
-        "With these kinematics the controller computes: calibration.conf of a UR's, or a program saved on it (.urp).",
+        "Kinematics with which the controller computes: a UR's calibration.conf, or a program saved on it (.urp).",
         callback=look_at,
     )
     nominal_controller: bool = option(
