@@ -65,7 +65,11 @@ def variances(*micrometres):
 def uncertain(values):
     known = np.isfinite(values).all(axis=1)
     return Uncertainty(
-        variances=values, weights=known / max(known.sum(), 1), common=np.zeros((1, 1)), single=values[:, 0]
+        variances=values,
+        weights=known / max(known.sum(), 1),
+        common=np.zeros((1, 1)),
+        single=values[:, 0],
+        growth=np.ones(len(values)),
     )
 
 

@@ -17,6 +17,7 @@ from taskcal.correction.frames import calibrate_frames
 from taskcal.correction.part_placement import Region, place
 from taskcal.correction.tool_poses import locate_tool
 from taskcal.correction.verdict import Judgement, judge
+from taskcal.geometry import se3
 from taskcal.identification.effects import explain
 from taskcal.identification.held_out import HeldOut
 from taskcal.identification.identify import identify
@@ -66,6 +67,31 @@ def test_interval_holds_the_errors_of_the_posterior(calibration, perturbed, monk
         rms = np.sqrt(squares)
         assert np.sqrt(np.mean(squares)) == pytest.approx(judgement.budget.after, rel=0.06)
         assert 0.91 < np.mean((rms > low) & (rms < high)) < 0.99
+
+
+def test_beyond_the_measured_range_no_error_is_stated_that_may_not_be_there():
+    """Robots that were measured in one posture: none is farther off, nor nearer, than the interval over a task elsewhere has it."""
+    model, task = ErrorModel(load_robot("abb-irb120")), list_of_poses()
+    poses = reach_task(model, task)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        q = np.radians(4.0) * rng.uniform(-1.0, 1.0, (60, 6))
+        campaign, truth = simulate(model, q, rng=rng)
+        calibration = identify(model, campaign)
+        low, high = judge(calibration, task).judgements[0].budget.interval
+        level = judge(replace(calibration, range_growth=0.0), task).judgements[0].budget.interval
+        assert calibration.growth_at(poses.q).min() > 4.0
+        assert low == pytest.approx(level[0], rel=0.1)
+        assert high > 2.0 * level[1]
+        off = np.linalg.norm(calibration.predict(poses.q) - truth.points(poses.q), axis=2)[:, 0]
+        assert low < np.sqrt(poses.weights @ off**2) < high
+
+
+def list_of_poses():
+    """A task of some poses of an IRB 120 that points down."""
+    down = np.diag([1.0, -1.0, -1.0])
+    places = np.array([[x, y, z] for x in (0.25, 0.45) for y in (-0.1, 0.1) for z in (0.25, 0.45)])
+    return Task(name="box", poses=se3.pose(np.tile(down, (len(places), 1, 1)), places))
 
 
 @pytest.mark.parametrize(

@@ -147,6 +147,8 @@ class ErrorBudget:
     """Of what the calibration must expect beyond its prediction, by `SOURCES`."""
     variance_of_mean_square: float = 0.0
     """Of the variances' sum, as an error that is realised once; metres⁴."""
+    least: float | None = None
+    """Their sum without what it grows by beyond the measured range (`Uncertainty.least`); None where it does not grow."""
 
     @property
     def uncertainty(self) -> float:
@@ -168,7 +170,8 @@ class ErrorBudget:
         """95 % interval of the corrected program's error, rms in space, metres.
 
         The mean square of errors that go together is spread as a chi-square of as many degrees of freedom as give its mean and
-        its variance (Satterthwaite, Biometrics Bulletin 2, 1946).
+        its variance (Satterthwaite, Biometrics Bulletin 2, 1946). Its lower end does without the growth beyond the measured
+        range: that may be needed there, or not.
         """
         from scipy.special import gammaincinv  # heavy, and a wrong file is refused before
 
@@ -176,7 +179,9 @@ class ErrorBudget:
         if not (mean and self.variance_of_mean_square):
             return self.after, self.after
         half = mean**2 / self.variance_of_mean_square
-        low, high = (float(np.sqrt(self.left + mean * gammaincinv(half, p) / half)) for p in (0.025, 0.975))
+        least = mean if self.least is None else self.least
+        ends = ((least, 0.025), (mean, 0.975))
+        low, high = (float(np.sqrt(self.left + size * gammaincinv(half, p) / half)) for size, p in ends)
         return low, high
 
     @property
@@ -247,6 +252,7 @@ def budget_of(before: Float[np.ndarray, " b"], after: Float[np.ndarray, " a"], u
         left=float(np.mean(after**2)) if len(after) else 0.0,
         variances=dict(zip(SOURCES, uncertainty.mean.tolist(), strict=True)),
         variance_of_mean_square=uncertainty.variance_of_mean_square,
+        least=uncertainty.least,
     )
 
 

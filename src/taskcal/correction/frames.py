@@ -427,6 +427,9 @@ def _errors_at(
 SOURCES = ("geometry", "model error", "tool", "part")
 """Of the uncertainty of a tool in a part. The model error is all that the estimate does not tell of a pose (`PoseErrors`)."""
 
+GROWING = ("geometry", "model error")
+"""Of these what the calibration's covariance grows by beyond the measured range (`Calibration.growth_at`)."""
+
 CAUSES_OF_FRAMES = 9
 """The last ones of `FrameCalibration.causes`, which each pair of frames has of its own: three of what is held, six of what stands
 still."""
@@ -659,6 +662,15 @@ class Uncertainty:
     """Mean over the targets of SᵀS, of causes that are the same at all of them (`FrameCalibration.causes`), metres²."""
     single: Float[np.ndarray, " m"]
     """What errs at each target alone adds so much to the trace of its covariance's square, metres⁴; NaN where it is not known."""
+    growth: Float[np.ndarray, " m"]
+    """By how much the variances of geometry and model error at every target are larger for lying beyond the measured range."""
+
+    @property
+    def least(self) -> float:
+        """Sum of the mean variances without that growth, which allows for what nothing measured and may not be there, metres²."""
+        beyond = 1.0 - 1.0 / self.growth
+        of_robot = [source in GROWING for source in SOURCES]
+        return float(self.mean.sum() - (self.weights * beyond) @ np.nan_to_num(self.variances)[:, of_robot].sum(axis=1))
 
     @property
     def mean(self) -> Float[np.ndarray, " sources"]:
@@ -715,4 +727,7 @@ def uncertainty_at(
             common[np.ix_(columns, columns)] += flat.T @ flat
             own = frame.turn.T @ moved.errors.single[:, 0] @ frame.turn
             single[some] = np.einsum("nij,nji->n", own + 2.0 * (causes @ np.swapaxes(causes, 1, 2)), own)
-    return Uncertainty(variances=variances, weights=counts, common=common, single=single)
+    growth = np.ones(len(number))
+    if frames:
+        growth[ended] = frames[0].calibration.growth_at(q[ended])
+    return Uncertainty(variances=variances, weights=counts, common=common, single=single, growth=growth)
