@@ -159,6 +159,13 @@ def test_temperature_may_be_missing_here_and_there(tmp_path):
     np.testing.assert_array_equal(campaign.temperature, [21.5, np.nan])
 
 
+@pytest.mark.parametrize("wrong", ["294.65", "-999", "9999"])
+def test_what_is_no_temperature_of_a_robot_is_refused(tmp_path, wrong):
+    with pytest.raises(FileError, match=r"°C is not a robot's temperature \(-50 to 150 °C\).*kelvins") as caught:
+        read_campaign(write(tmp_path, HEADER + ",temp_C", [ROWS[0] + ",21.5", f"{ROWS[1]},{wrong}"]), ROBOT)
+    assert (caught.value.line, caught.value.column) == (3, "temp_C")
+
+
 APPROACH = f"{HEADER},J1_approach,Elbow_approach,J3_approach"
 
 

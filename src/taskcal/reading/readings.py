@@ -28,6 +28,9 @@ MIN_RANGE_M = 0.01
 MAX_TIME_S = 1e7
 """No robot works so many seconds before it is measured; clocks count more."""
 
+TEMPERATURES_C = (-50.0, 150.0)
+"""Between these a robot works."""
+
 KNOWN = (
     "a campaign has id, joints ({joint}_deg …), targets (x_mm … or NAME_x_mm …), qx qy qz qw, u_mm, station, temp_C, time_s, "
     "{joint}_approach …"
@@ -338,6 +341,15 @@ def _conditions(measured: MeasuredTable) -> dict[str, Any]:
     """Temperature, and time since the robot began to work."""
     columns = measured.of("temperature")
     temperature = measured.numbers(columns[0][0], empty=True) if columns else None
+    if temperature is not None:
+        low, high = TEMPERATURES_C
+        wrong = np.flatnonzero((temperature < low) | (temperature > high))
+        if len(wrong):
+            message = (
+                f"{temperature[wrong[0]]:g} °C is not a robot's temperature ({low:g} to {high:g} °C): subtract 273.15 from "
+                "kelvins, and leave the cell empty where none was measured"
+            )
+            raise measured.error(message, int(wrong[0]), columns[0][0])
     timed = [(name, TIMES[m.unit]) for name, m in measured.of("time") if m.unit in TIMES]
     if not timed:
         return {"temperature": temperature}
