@@ -186,10 +186,7 @@ def find_what_is_left(case: Case, before: float) -> Finding:
     """
     if at_chance(case):
         name = "rows-shuffled"
-        fix = (
-            "joints and points have no more to do with each other than rows drawn by lot, and no order of them fits: pair them "
-            "again, by name or time"
-        )
+        fix = "joints and points are unrelated, and no order of the rows matches them: pair them again, by name or time"
     else:
         name = "other-robot"
         fix = (

@@ -1309,7 +1309,7 @@ def _remarks(calibration: Calibration) -> tuple[str, ...]:
     outliers, rejected = len(calibration.outliers), len(calibration.left_out)
     told = [term(f"{remark[0].upper()}{remark[1:].rstrip('.')}.") for remark in calibration.remarks]
     if rejected == 1:
-        told.append(Said("1 row rejected as gross errors: see Outliers."))
+        told.append(Said("1 row rejected as a gross error: see Outliers."))
     elif rejected:
         told.append(Said("{count} rows rejected as gross errors: see Outliers.", count=rejected))
     if outliers:

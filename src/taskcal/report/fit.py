@@ -99,7 +99,7 @@ def next_steps(
     ]
     wrong = {row.row for row in calibration.left_out} | {row for row, of_model in judged if not of_model}
     if wrong:
-        steps.append(f"measure {_rows(wrong)} again, or leave them out: see below")
+        steps.append(f"measure {_rows(wrong)} again, or leave {'them' if len(wrong) > 1 else 'it'} out: see below")
     of_model = {row for row, of_model in judged if of_model} - wrong
     if of_model:
         steps.append(
@@ -140,7 +140,7 @@ def may_have_effects(calibration: Calibration, result: Mapping[str, Any], tracke
 
 
 def _rows(numbers: Collection[int]) -> str:
-    return f"rows {listed(sorted(numbers), MAX_NAMED_ROWS)}"
+    return f"row{'s' if len(numbers) > 1 else ''} {listed(sorted(numbers), MAX_NAMED_ROWS)}"
 
 
 def _facts(calibration: Calibration, result: Mapping[str, Any]) -> list[tuple[str, str]]:

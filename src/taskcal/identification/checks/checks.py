@@ -280,7 +280,7 @@ def too_many_wrong_rows(rows: WrongRows) -> Iterator[Values]:
 @safeguard(
     "holds back",
     "{count} of {seen} rows cannot be right beside all others and were left out: {named}.",
-    "Measure them again; or, if they are right, more like them, and fit all rows with gross_errors='keep' "
+    "Measure them again; if they are right, measure more poses like them, and fit all rows with gross_errors='keep' "
     "(--gross-errors keep)",
 )
 def rows_left_out(fit: Fit) -> Iterator[Values]:
@@ -833,7 +833,7 @@ def wrong_rotations(fit: Fit) -> Iterator[Values]:
 @safeguard(
     "remarks",
     COURSE_IN_DOUBT + "{said}.",
-    "Rows that are held out went through the same, so that their error and coverage flatter the fit",
+    "Held-out rows contain it, too, so that their error and coverage flatter the fit",
 )
 def in_course(fit: Fit) -> Iterator[Values]:
     event = find_in_course(fit.calibration, fit.campaign, fit.options.noise)
