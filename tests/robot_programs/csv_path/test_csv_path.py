@@ -105,32 +105,6 @@ def test_what_the_columns_cannot_hold_is_refused():
             program.rewrite(ROBOT, {0: (waypoint,)})
 
 
-@given(paths, generators)
-def test_rewriting_changes_only_the_numbers_of_the_motions_named(data, rng):
-    program = read(data)
-    n = int(rng.integers(len(program.motions)))
-    move = program.motions[n]
-    if move.end.T is None:
-        wanted = Waypoint(kind="axes", q=move.end.q + rng.uniform(1e-3, 0.1, 6), T=None)
-    else:
-        T = move.end.T.copy()
-        T[:3, :3] = Rotation.from_rotvec(rng.uniform(1e-3, 0.1, 3)).as_matrix() @ T[:3, :3]
-        T[:3, 3] += rng.uniform(1e-5, 0.01, 3)
-        wanted = to(T)
-    (source,) = program.rewrite(ROBOT, {n: (wanted,)})
-    again = read(source.encode())
-    assert len(again.motions) == len(program.motions)
-    if wanted.T is None:
-        np.testing.assert_allclose(again.motions[n].end.q, wanted.q, atol=1e-11)
-    else:
-        np.testing.assert_allclose(again.motions[n].end.T[:3, 3], wanted.T[:3, 3], atol=1e-9)
-        np.testing.assert_allclose(again.motions[n].end.T[:3, 2], wanted.T[:3, 2], atol=1e-8)
-        if not move.end.free_spin:
-            np.testing.assert_allclose(again.motions[n].end.T[:3, :3], wanted.T[:3, :3], atol=1e-8)
-    before, after = data.splitlines(), source.encode().splitlines()
-    assert [i for i in range(len(before)) if before[i] != after[i]] == [move.place.line - 1]
-
-
 # What the rows of a path mean.
 
 

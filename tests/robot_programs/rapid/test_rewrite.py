@@ -48,19 +48,6 @@ def test_a_program_is_read_as_it_is_meant(rng):
             np.testing.assert_allclose(move.end.T, meant.T, atol=1e-12)
 
 
-def test_rewrite_of_unshared_targets_changes_only_numbers():
-    """Only numbers change where every target has its own motion."""
-    body = "\n".join(f"  MoveL p{k} ,\tv100, fine,tool0 ; ! {k}" for k in range(1, 10))
-    before = module(body, POINTS)
-    after = rewritten(before, *range(9), mm=(1, 2, 3))
-    number = re.compile(r"-?\d+(\.\d+)?")
-    assert number.sub("#", after) == number.sub("#", before.text)
-    assert after.splitlines()[1:3] == [
-        "CONST robtarget p1:=[[11,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-        "CONST robtarget p2:=[[21,2,3],[1,0,0,0],[0,-2,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
-    ]
-
-
 @pytest.mark.parametrize(
     "other", ["reg1:=p1.trans.x;", "pLast:=p1;", "Remember p1;", "IF Distance(p1.trans,p2.trans)>3 Stop;", "<p1>"]
 )
