@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from robot_programs.core.plan import WRITTEN_OUT
 from robot_programs.tp.meaning import world_in_base
 from taskcal.correction.correct import correct
 from taskcal.correction.options import Bounds
@@ -20,6 +21,7 @@ from tests.robot_programs.conformance.cases import (
     CASES,
     K1,
     K2,
+    ONE_TEXT,
     P1,
     SENSOR,
     UNWRITTEN,
@@ -86,6 +88,8 @@ def test_the_true_tool_goes_where_the_machine_goes(name, case):
 
     found = correct(calibration, text, bounds=FREE)
     assert not found.rejected
+    longer = [str(one) for one in found.diagnostics if f"lines longer: {WRITTEN_OUT}, where" in one.text]
+    assert bool(longer) == (case in ONE_TEXT)
     read = language.reading(found.sources, tool, robot).motions
     tools = true_tools([one for one, (_, _, share) in zip(read, found.origin, strict=True) if share == 1.0])
     off = distances(tools)

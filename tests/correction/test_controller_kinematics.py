@@ -19,6 +19,7 @@ from taskcal.errors import FileError, TaskcalError
 from taskcal.robot.catalogue import catalogue_names, load_robot
 from tests.correction.by_pinocchio import COARSE, TOOL, defective
 from tests.laws.plain import product, shift, turn
+from tests.robot_programs.written import urscript_pose
 
 HOME = np.radians([10.0, -70.0, 90.0, -100.0, -80.0, 20.0])
 KEYS = {"theta": 2e-3, "a": 5e-4, "d": 5e-4, "alpha": 1e-3}
@@ -80,12 +81,12 @@ def write_file(folder, suffix, nominal, found, status="LINEARIZED"):
     return path
 
 
-def pose(T):
-    return f"p[{listed((*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec()))}]"
-
-
 def read(robot, poses, name="p.script"):
-    lines = [f"set_tcp({pose(TOOL)})", f"movej([{listed(HOME)}])", *(f"movel({pose(T)}, v=0.1)" for T in poses)]
+    lines = [
+        f"set_tcp({urscript_pose(TOOL)})",
+        f"movej([{listed(HOME)}])",
+        *(f"movel({urscript_pose(T)}, v=0.1)" for T in poses),
+    ]
     text = "def p():\n" + "".join(f"  {line}\n" for line in lines) + "end\n"
     return parse_program((Source.of(Path(name), text.encode()),), robot=robot)
 

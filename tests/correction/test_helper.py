@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_programs.core.program import Composition, Frame, pose_numbers
+from robot_programs.core.program import Composition, Frame
 from robot_programs.core.source import Source
 from robot_programs.krl.points import StatusTurn
 from robot_programs.krl.read import read_krl
@@ -21,6 +21,7 @@ from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.robot.error_model import ErrorModel
 from taskcal_groundwork.errors import InputError
+from tests.robot_programs.written import krl_frame
 
 COMPUTED = """
   PROC main()
@@ -183,11 +184,8 @@ def test_krl_points_of_the_running_program_alone_are_wrapped(krl_calibration):
     first = ErrorModel(robot).poses(q[None])[0] @ se3.translation(z=0.01)
     posture = StatusTurn(S=0, T=0).of(robot, q)
 
-    def text(T):
-        return "{" + ",".join(f"{n} {v:.5f}" for n, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"
-
-    own = KRL.replace("{TOOL}", text(tool)).replace("{FIRST}", f"{text(first)[:-1]},S {posture.S},T {posture.T}}}")
-    own = own.replace("{SECOND}", text(se3.translation(x=0.03) @ first))
+    own = KRL.replace("{TOOL}", krl_frame(tool)).replace("{FIRST}", krl_frame(first, f",S {posture.S},T {posture.T}"))
+    own = own.replace("{SECOND}", krl_frame(se3.translation(x=0.03) @ first))
     program = read_krl([Source.of(Path("cell.src"), own.encode())])
     found = correct(krl_calibration, program, bounds=Bounds(shift=0.02, tolerance=1.0), helper=True)
     assert [source.path.name for source in found.sources] == ["cell.src", f"{MODULE}.src"]

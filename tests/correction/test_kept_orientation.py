@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robot_programs.core.program import pose_numbers
 from robot_programs.core.source import Source
 from robot_programs.krl.read import read_krl
 from taskcal.correction.correct import correct
@@ -14,13 +13,10 @@ from taskcal.correction.options import Bounds
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import solve_near
 from taskcal.robot.error_model import ErrorModel
+from tests.robot_programs.written import krl_frame, krl_joints
 
 HOME = np.radians([[5.0, -75.0, 95.0, 10.0, 35.0, -15.0]])
 COARSE = Bounds(tolerance=1.0, shift=0.05, turn=0.2, joint=0.5)
-
-
-def point(T):
-    return "{" + ",".join(f"{name} {v:.9f}" for name, v in zip("XYZABC", pose_numbers(T), strict=True)) + "}"
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -35,10 +31,11 @@ def test_lines_end_in_the_orientation_of_their_start(seed, krl_calibration):
     turned = [
         se3.pose(T[:3, :3] @ Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_matrix(), T[:3, 3]) for T in wanted
     ]
-    lines = [f"LIN {point(T)}" for T in turned[1:]]
+    lines = [f"LIN {krl_frame(T)}" for T in turned[1:]]
     head = "DEF P( )\n$TOOL=$NULLFRAME\n$BASE=$NULLFRAME\n$VEL.CP=0.1\n"
-    axes = ",".join(f"A{k} {angle:.6f}" for k, angle in enumerate(np.degrees(HOME[0]), 1))
-    text = head + "\n".join([f"PTP {{{axes}}}", f"PTP {point(start)}", "$ORI_TYPE=#CONSTANT", *lines, "END", ""])
+    text = head + "\n".join(
+        [f"PTP {krl_joints(HOME[0])}", f"PTP {krl_frame(start)}", "$ORI_TYPE=#CONSTANT", *lines, "END", ""]
+    )
     found = correct(krl_calibration, read_krl([Source.of(Path("p.src"), text.encode())]), bounds=COARSE)
     assert not found.rejected
     assert len(found.corrected) == 5

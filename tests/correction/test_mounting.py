@@ -21,6 +21,7 @@ from taskcal.errors import TaskcalError
 from taskcal.geometry import se3
 from taskcal.kinematics.inverse import find_posture
 from taskcal.robot.error_model import ErrorModel
+from tests.robot_programs.written import rapid_pose
 
 BASE = se3.pose(se3.exp(np.array([0.0, 0.0, 0.8])), np.array([0.4, -1.2, 0.9]))
 TRACK = ExternalAxis(number=1, carries="robot", slides_along=np.array([0.0, 0.6, 0.8]))
@@ -31,22 +32,12 @@ TABLE = ExternalAxis(
 COARSE = Bounds(tolerance=1.0)
 
 
-def numbers(values):
-    return "[" + ",".join(f"{value:.9g}" for value in values) + "]"
-
-
 def program_of(poses, part, tool, *, external=(), unit="", conf="[0,0,0,0]"):
     """Motions to poses in a work object, in one posture; external axes by motion."""
-
-    def frame(T):
-        x, y, z, w = se3.to_quaternion(T[:3, :3])
-        return f"[{numbers(T[:3, 3] * 1e3)},{numbers([w, x, y, z])}]"
-
-    work_object = f'[FALSE,{"FALSE" if unit else "TRUE"},"{unit}",'
-    work_object += f"[[0,0,0],[1,0,0,0]],{frame(part)}]"
+    work_object = f'[FALSE,{"FALSE" if unit else "TRUE"},"{unit}",[[0,0,0],[1,0,0,0]],{rapid_pose(part)}]'
     lines = [
         "MODULE Part",
-        f"PERS tooldata tMill:=[TRUE,{frame(tool)},[1,[0,0,1],[1,0,0,0],0,0,0]];",
+        f"PERS tooldata tMill:=[TRUE,{rapid_pose(tool)},[1,[0,0,1],[1,0,0,0],0,0,0]];",
         f"PERS wobjdata wPart:={work_object};",
         "PROC main()",
         "ConfJ\\Off; ConfL\\Off;",
@@ -56,7 +47,7 @@ def program_of(poses, part, tool, *, external=(), unit="", conf="[0,0,0,0]"):
         for k, value in (external[i] if external else {}).items():
             axes[k] = f"{value:g}"
         name = "MoveL" if i else "MoveJ"
-        target = f"{frame(T)[:-1]},{conf},[{','.join(axes)}]]"
+        target = f"{rapid_pose(T)[:-1]},{conf},[{','.join(axes)}]]"
         lines.append(f"{name} {target},v50,z1,tMill\\WObj:=wPart;")
     return Source.of(Path("part.mod"), "\n".join([*lines, "ENDPROC", "ENDMODULE", ""]).encode())
 

@@ -1,4 +1,4 @@
-"""One text for many motions: written out where their corrections differ, as if the pallet had been written so."""
+"""One text for many motions, and constants that name targets: what is corrected, and what stays with them."""
 
 from dataclasses import replace
 
@@ -16,41 +16,11 @@ from tests.correction.test_shared_targets import FREE, SLOW, rapid  # noqa: F401
 
 FREE_AND_FINE = Bounds(tolerance=5e-6, shift=0.02)
 
-PALLET = [(i, j) for j in range(2) for i in range(3)]
-
 
 def positions(found: Correction) -> set[tuple[float, ...]]:
     """Positions to which the corrected program goes, to a micrometre."""
     motions = found.program.reread(found.sources).motions
     return {tuple(move.end.T[:3, 3].round(6).tolist()) for move in motions if move.end.T is not None}
-
-
-def written(cells, text):
-    return "\n".join(text.format(i=i, j=j, SLOW=SLOW) for i, j in cells)
-
-
-ONE_BY_ONE = "MoveL Offs(p1,{i}*60,{j}*-50,40),{SLOW}\nMoveL Offs(p1,{i}*60,{j}*-50,0),{SLOW}"
-
-
-LONG = "".join(f"    h:=h+{k};\n" for k in range(9))
-
-
-@pytest.mark.parametrize("turns", [(1, 1, "(i-1)*60"), (0, 2, "i*30"), (3, -1, "(3-i)*60")])
-def test_targets_of_a_loop_too_long_to_write_out_stand_in_an_array(turns, rapid, calibration, monkeypatch):  # noqa: F811
-    first, step, place = turns
-    monkeypatch.setattr("robot_programs.core.written_out.MAX_NEW_LINES", 20)
-    head = f"FOR j FROM 0 TO 1 DO\n  FOR i FROM {first} TO {first + 2 * step} STEP {step} DO\n"
-    motions = "".join(f"    MoveL Offs(p1,{place},j*-50,{z}),{SLOW}\n" for z in (40, 0))
-    program = rapid(f"{head}{motions}{LONG}  ENDFOR\nENDFOR")
-    found = correct(calibration, program, bounds=FREE_AND_FINE)
-    expected = correct(calibration, rapid(written(PALLET, ONE_BY_ONE)), bounds=FREE_AND_FINE)
-    assert (len(found.corrected), found.rejected) == (12, {})
-    assert len(positions(found)) == 12
-    assert positions(found) <= positions(expected)
-    assert "in arrays" in found.diagnostics[0].text
-    lines = set(found.sources[0].text.split("\n"))
-    assert set(LONG.split("\n")) <= lines
-    assert all(line in lines or "Offs(p1" in line for line in program.sources[0].text.split("\n"))
 
 
 def test_variable_that_is_set_anew_is_another_target(rapid, calibration):  # noqa: F811

@@ -109,6 +109,22 @@ def test_elements_of_a_loop_are_written_one_by_one():
     assert loop in text
 
 
+@pytest.mark.parametrize(("first", "step", "place"), [(1, 1, "(i-1)*60"), (0, 2, "i*30"), (3, -1, "(3-i)*60")])
+def test_targets_of_a_long_loop_stand_in_an_array(first, step, place, monkeypatch):
+    """Where it is too long to be written out; by the counters, whatever their first value and step."""
+    monkeypatch.setattr("robot_programs.core.written_out.MAX_NEW_LINES", 20)
+    rows = [f"MoveL Offs(p1,{place},j*-50,{z}),v5,fine,tool0;" for z in (40, 0)]
+    long = [f"h:=h+{k};" for k in range(9)]
+    head = ["FOR j FROM 0 TO 1 DO", f"FOR i FROM {first} TO {first + 2 * step} STEP {step} DO"]
+    body = "\n".join([*head, *rows, *long, "ENDFOR", "ENDFOR"])
+    program = read_rapid([source(f"MODULE m\n{POINTS}PROC main()\nVAR num h;\n{body}\nENDPROC\nENDMODULE")])
+    assert program.written_out(range(12)) is None
+    (again,) = program.tabled(range(12))
+    ends = sorted(tuple((move.end.T[:3, 3] * 1e3).round(6)) for move in program.reread((again,)).motions)
+    assert ends == sorted((10 + 60 * i, -50 * j, z) for i in range(3) for j in (0, 1) for z in (40, 0))
+    assert {*head, *long} <= set(again.text.split("\n"))
+
+
 def test_a_shifted_target_that_stays_keeps_the_one_that_it_shifts():
     loop = "MoveJ p1,v5,fine,tool0;\nFOR i FROM 1 TO 2 DO MoveL Offs(p1,10*i,0,0),v5,fine,tool0; ENDFOR"
     moved, cannot, text = rewritten(loop, "", 1.0)
