@@ -122,6 +122,11 @@ def lines(body: str, more: str = FOUND, dat: str = "") -> list[int]:
     return [move.place.line - 2 for move in read(body, more=more, dat=dat).motions]
 
 
+RESUMED = f"DEF FOUND( )\n$BASE=BASE_DATA[1]\nRESUME\nEND\nDEF SEARCH( )\nINTERRUPT ON 5\nLOOP\n{LINE}ENDLOOP\nEND\n"
+HANDED = f"DECL E6POS P\n{DECLARED.replace('( )', '(P)')}{FRAMES}INTERRUPT ON 5\nP={POSE}\nLIN P\nINTERRUPT OFF 5\nP={POSE}\nLIN P"
+TRIGGER = f"{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO ACT\n{LINE}$BASE=$NULLFRAME\n{LINE}"
+
+
 @pytest.mark.parametrize("number", [" 5", ""])
 def test_interrupt_that_sets_base_counts_from_on_to_next_base(number):
     body = f"{DECLARED}{FRAMES}{LINE}INTERRUPT ON{number}\n{FRAMES}{LINE}INTERRUPT OFF{number}\n{LINE}{FRAMES}{LINE}"
@@ -151,6 +156,18 @@ def test_interrupt_that_sets_base_counts_from_on_to_next_base(number):
             f"DEF FOUND( )\nSET( )\nEND\n{FOUND.replace('FOUND', 'SET')}",
             [],
         ),
+        # a routine that is resumed leaves what the interrupt set
+        (f"{DECLARED}{FRAMES}SEARCH( )\n$BASE=$NULLFRAME\n{LINE}", RESUMED, []),
+        (f"{DECLARED}{FRAMES}SEARCH( )\nINTERRUPT OFF 5\n$BASE=$NULLFRAME\n{LINE}", RESUMED, [6]),
+        # a variable that it is given, by reference or by value
+        (HANDED, "DEF FOUND(Q :OUT)\nDECL E6POS Q\nQ.Z=5\nEND\n", [9]),
+        (HANDED, "DEF FOUND(Q :IN)\nDECL E6POS Q\nQ.Z=5\nEND\n", [6, 9]),
+        # a distance counts from nowhere where it moves
+        (f"{DECLARED}{FRAMES}INTERRUPT ON 5\n{LINE}LIN_REL {{Z 5}}", "DEF FOUND( )\nPTP {A1 5}\nEND\n", [4]),
+        (f"{DECLARED}{FRAMES}INTERRUPT ON 5\n{LINE}LIN_REL {{Z 5}}", "DEF FOUND( )\nBRAKE\nEND\n", [4, 5]),
+        # a trigger sets the base at a time that is unknown
+        (TRIGGER.replace("ACT", "FOUND( ) PRIO=-1"), FOUND, []),
+        (TRIGGER.replace("ACT", "$OUT[1]=TRUE"), FOUND, [3, 5]),
     ],
 )
 def test_interrupts_count_where_they_are_on(body, more, wanted):
@@ -161,14 +178,6 @@ def test_interrupt_number_of_a_data_list_is_known():
     body = f"{DECLARED.replace('5', 'N')}INTERRUPT ON N\n{FRAMES}{LINE}INTERRUPT OFF N\n{FRAMES}{LINE}"
     assert lines(body, dat="DECL CONST INT N=5") == [8]
     assert lines(f"N=6\n{body}", dat="DECL INT N=5") == []
-
-
-def test_interrupt_that_resumes_leaves_what_it_set():
-    found = FOUND.replace("END", "RESUME\nEND")
-    search = f"DEF SEARCH( )\nINTERRUPT ON 5\nLOOP\n{LINE}ENDLOOP\nEND\n"
-    body = f"{DECLARED}{FRAMES}SEARCH( )\n$BASE=$NULLFRAME\n{LINE}"
-    assert lines(body, found + search) == []
-    assert lines(f"{body}INTERRUPT OFF 5\n$BASE=$NULLFRAME\n{LINE}", found + search) == [8]
 
 
 def test_interrupt_that_changes_base_data_makes_it_unknown():
@@ -186,23 +195,7 @@ def test_submit_program_that_changes_base_data_makes_it_unknown():
     assert len(read_krl([*sources, source("other.src", submit)]).motions) == 1
 
 
-def test_variable_handed_to_interrupt_is_unknown_while_on():
-    declared = DECLARED.replace("( )", "(P)")
-    body = f"DECL E6POS P\n{declared}{FRAMES}INTERRUPT ON 5\nP={POSE}\nLIN P\nINTERRUPT OFF 5\nP={POSE}\nLIN P"
-    assert lines(body, "DEF FOUND(Q :OUT)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [9]
-    assert lines(body, "DEF FOUND(Q :IN)\nDECL E6POS Q\nQ.Z=5\nEND\n") == [6, 9]
-
-
-def test_distance_counts_from_nowhere_where_interrupt_moves():
-    body = f"{DECLARED}{FRAMES}INTERRUPT ON 5\n{LINE}LIN_REL {{Z 5}}"
-    assert lines(body, "DEF FOUND( )\nPTP {A1 5}\nEND\n") == [4]
-    assert lines(body, "DEF FOUND( )\nBRAKE\nEND\n") == [4, 5]
-
-
-def test_trigger_sets_base_at_a_time_that_is_unknown():
-    body = f"{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO FOUND( ) PRIO=-1\n{LINE}$BASE=$NULLFRAME\n{LINE}"
-    assert lines(body) == []
-    assert lines(body.replace("FOUND( ) PRIO=-1", "$OUT[1]=TRUE")) == [3, 5]
+def test_trigger_may_set_a_variable_at_any_time():
     body = f"DECL REAL X\nX=900\n{FRAMES}TRIGGER WHEN DISTANCE=0 DELAY=0 DO X=800\n{AT_X}"
     assert "X may be set at any time by the TRIGGER of part.src:6" in texts(read(body))[0]
 

@@ -232,25 +232,23 @@ def test_what_is_given_in_some_calls_only_is_said():
     assert [(move.texts_motions, move.divisible) for move in read.motions] == [(2, False)]
 
 
-def test_own_target_stays_if_a_call_has_an_unknown_tool():
-    """Its own target stays where some call gives an unknown tool."""
-    routine = "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n"
-    read = program("go tool0;\ngo tUnknown;", routine)
-    assert not read.motions
-    assert "'t' is a parameter" in reasons(read)[0]
-
-
-def test_a_routine_that_may_be_called_by_name_is_given_anything():
-    read = program('go p1;\n%"go"%;')
-    assert ends(read) == [10]
-    assert "in some calls" in "".join(reasons(read))
-
-
-def test_calls_without_end_are_not_followed():
-    routines = "PROC go(robtarget p)\nMoveL p,v5,fine,tool0;\ngo Offs(p,1,0,0);\nENDPROC\n"
-    read = program("go p1;", routines)
-    assert ends(read) == [10]
-    assert "in some calls" in reasons(read)[0]
+@pytest.mark.parametrize(
+    ("main", "routine", "x", "said"),
+    [
+        (
+            "go tool0;\ngo tUnknown;",
+            "PROC go(PERS tooldata t)\nMoveL p1,v5,fine,t;\nENDPROC\n",
+            [],
+            "'t' is a parameter",
+        ),
+        ('go p1;\n%"go"%;', ROUTINE, [10], "in some calls"),  # which may give it anything
+        ("go p1;", ROUTINE.replace("ENDPROC", "go Offs(p,1,0,0);\nENDPROC"), [10], "in some calls"),  # without end
+    ],
+)
+def test_what_some_calls_give_is_not_known(main, routine, x, said):
+    read = program(main, routine)
+    assert ends(read) == x
+    assert said in "".join(reasons(read))
 
 
 def test_many_calls_in_each_other_end_somewhere():

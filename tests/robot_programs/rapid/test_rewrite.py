@@ -91,17 +91,19 @@ def test_computed_numbers_are_not_edited():
     assert f"{declaration}\nCONST robtarget p_2:=[[22,0,0],[1,0,0,0],[0,-2,2,0],[9E+09," in after
 
 
-def test_names_of_clones_are_free_and_not_too_long():
-    long = "p" * 32
-    text = POINTS.replace("p1:", f"{long}:").replace("p2:", f"{'p' * 30}_2:")
-    after = rewritten(module(f"MoveL {long},v100,fine,tool0;MoveL {long},v5,fine,tool0;", text), 0)
-    assert f"CONST robtarget {'p' * 30}_3:=" in after
-
-
-def test_names_stay_short_enough_for_old_controllers():
-    text = POINTS.replace("p1:", "pApproachLeft_1:")
-    after = rewritten(module("MoveL pApproachLeft_1,v5,fine,tool0;MoveL pApproachLeft_1,v5,fine,tool0;", text), 0)
-    assert "CONST robtarget pApproachLeft__2:=" in after
+@pytest.mark.parametrize(
+    ("name", "others", "clone"),
+    [
+        ("p" * 32, ["p" * 30 + "_2"], "p" * 30 + "_3"),
+        ("pApproachLeft_1", [], "pApproachLeft__2"),  # short enough for old controllers
+    ],
+)
+def test_names_of_clones_are_free_and_not_too_long(name, others, clone):
+    text = POINTS
+    for old, new in zip(("p1:", "p2:"), (name, *others), strict=False):
+        text = text.replace(old, f"{new}:")
+    after = rewritten(module(f"MoveL {name},v100,fine,tool0;MoveL {name},v5,fine,tool0;", text), 0)
+    assert f"CONST robtarget {clone}:=" in after
 
 
 def test_local_data_of_a_routine_are_cloned_where_they_are():
