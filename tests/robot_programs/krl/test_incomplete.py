@@ -53,22 +53,6 @@ def test_what_it_counts_from_has_to_be_known(body, why):
     assert why in texts(program)[0]
 
 
-@pytest.mark.parametrize("line", ["LIN {Z 700} C_DIS", "LIN_REL {Z -100} C_DIS #BASE", "lin_rel {Z -100} c_dis"])
-def test_a_motion_that_counts_from_another_is_written_whole(line):
-    """Where either moves: what it counts from is then not where it was."""
-    program = read(f"{FRAMES}LIN {POSE}\n{line}")
-    first, second = program.motions
-    assert program.rewrite(ROBOT, {})[0].text == program.sources[0].text
-    for changed in ((0,), (1,), (0, 1)):
-        T = {n: se3.translation(0.001, 0.0, 0.0) @ move.end.T for n, move in enumerate(program.motions) if n in changed}
-        waypoints = {n: (Waypoint(kind="linear", q=np.zeros(6), T=pose),) for n, pose in T.items()}
-        again = program.reread(program.rewrite(ROBOT, waypoints))
-        assert not texts(again)
-        for n, (new, old) in enumerate(zip(again.motions, (first, second), strict=True)):
-            np.testing.assert_allclose(new.end.T, T.get(n, old.end.T), atol=1e-8)
-        assert [move.stops for move in again.motions] == [True, False]
-
-
 def test_the_points_of_a_spline_are_read_and_it_stays_whole():
     body = f"LIN {POSE}\nSPLINE\nSPL {{X 910,Y 0,Z 800,A 0,B 90,C 0}}\nSLIN {{X 920,Y 0,Z 800,A 0,B 90,C 0}}\nENDSPLINE\nLIN {POSE}"
     program = read(FRAMES + body)
