@@ -10,10 +10,11 @@ from taskcal.robot.catalogue import load_robot
 from taskcal.robot.error_model import ErrorModel
 from taskcal.virtual.cell import simulate
 from tests.cli.conftest import Run
-from tests.correction.test_controller_kinematics import HOME, KEYS, TOOL, deltas, nominal_table, pose, write_file
+from tests.correction.test_controller_kinematics import HOME, KEYS, TOOL, deltas, nominal_table, write_file
+from tests.robot_programs.written import urscript_pose
 
 SCRIPT = f"""def p():
-  set_tcp({pose(TOOL)})
+  set_tcp({urscript_pose(TOOL)})
   movej([0.2, -1.2, 1.5, -1.7, -1.4, 0.3])
   movel(p[-0.3, -0.4, 0.4, 2.2, 2.2, 0.1])
 end

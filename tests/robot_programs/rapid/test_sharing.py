@@ -119,10 +119,10 @@ def test_targets_of_a_long_loop_stand_in_an_array(first, step, place, monkeypatc
     body = "\n".join([*head, *rows, *long, "ENDFOR", "ENDFOR"])
     program = read_rapid([source(f"MODULE m\n{POINTS}PROC main()\nVAR num h;\n{body}\nENDPROC\nENDMODULE")])
     assert program.written_out(range(12)) is None
-    (again,) = program.tabled(range(12))
-    ends = sorted(tuple((move.end.T[:3, 3] * 1e3).round(6)) for move in program.reread((again,)).motions)
+    again = program.tabled(range(12))
+    ends = sorted(tuple((move.end.T[:3, 3] * 1e3).round(6)) for move in again.motions)
     assert ends == sorted((10 + 60 * i, -50 * j, z) for i in range(3) for j in (0, 1) for z in (40, 0))
-    assert {*head, *long} <= set(again.text.split("\n"))
+    assert {*head, *long} <= set(again.sources[0].text.split("\n"))
 
 
 def test_a_shifted_target_that_stays_keeps_the_one_that_it_shifts():
